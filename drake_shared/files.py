@@ -1,0 +1,57 @@
+"""Files that are never half there, and where the shipped ones are."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from drake_shared.errors import InputError
+
+
+def models_directory() -> Path:
+    """The folder of shipped robots, scenarios, demonstrations and learners."""
+    package = Path(__file__).resolve().parent
+    installed = package / "models"
+    return installed if installed.is_dir() else package.parent / "models"
+
+
+@contextlib.contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yields a temporary path beside ``path`` to write to, and renames it into place on success.
+
+    On an exception the temporary file goes and ``path`` stays as it was.
+
+    Raises:
+        InputError: The folder cannot be made or written to.
+    """
+    target = Path(path)
+    check_writable(target.parent)
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        # mkstemp makes files private; what we leave has the mode that open() would have given it.
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o666 & ~mask)
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def check_writable(directory: str | os.PathLike[str]) -> None:
+    """Makes ``directory`` if needed and proves that files can be written there.
+
+    Raises:
+        InputError: They cannot.
+    """
+    try:
+        Path(directory).mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory):
+            pass
+    except OSError as error:
+        raise InputError(directory, "", f"must be a folder to write to ({error.strerror})") from error
