@@ -1,0 +1,98 @@
+"""Exact motion of a differential-drive robot whose wheels ramp to the speeds they are told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from drake_shared.scenario import Robot
+
+# Largest turn of one piece of motion, in [rad]: the chord of a piece stays this close to its arc, and
+# five nodes integrate a piece to machine precision.
+_LARGEST_TURN = 0.1
+_NODES, _WEIGHTS = (
+    [float(value) for value in values]
+    for values in ((lambda n, w: (0.5 * (n + 1), 0.5 * w))(*np.polynomial.legendre.leggauss(5)))
+)
+
+Pose = tuple[float, float, float]
+
+
+def ramps(robot: Robot, wheels: Pose | tuple[float, float], command: tuple[float, float], duration: float):
+    """Cuts a step into parts of constant wheel acceleration.
+
+    Each wheel goes from its speed towards the command as fast as it may and then holds it.
+
+    Args:
+        wheels: Speeds now, (left, right), in [rad/s].
+        command: Speeds wanted, (left, right), in [rad/s], within the limits of the wheels.
+        duration: Of the step, in [s].
+
+    Yields:
+        Tuples (duration in [s], speeds at the start (left, right), accelerations (left, right)).
+    """
+    limit = robot.max_wheel_acceleration
+    left, right = wheels
+    times = [abs(command[0] - left) / limit, abs(command[1] - right) / limit]
+    signs = [math.copysign(limit, command[0] - left), math.copysign(limit, command[1] - right)]
+    begin = 0.0
+    for end in sorted((min(times[0], duration), min(times[1], duration), duration)):
+        if end > begin:
+            rates = [sign if begin < time else 0.0 for sign, time in zip(signs, times, strict=True)]
+            yield end - begin, (left, right), (rates[0], rates[1])
+            left += rates[0] * (end - begin)
+            right += rates[1] * (end - begin)
+            # What is reached is reached exactly: rounding must not leave a remainder to chase.
+            left = command[0] if end >= times[0] else left
+            right = command[1] if end >= times[1] else right
+            begin = end
+
+
+def speeds_after(robot: Robot, wheels, command, duration: float) -> tuple[float, float]:
+    """Wheel speeds (left, right), in [rad/s], at the end of a step of ``duration`` s."""
+    change = robot.max_wheel_acceleration * duration
+    left, right = (
+        wish if abs(wish - now) <= change else now + math.copysign(change, wish - now)
+        for now, wish in zip(wheels, command, strict=True)
+    )
+    return left, right
+
+
+def motion(robot: Robot, pose: Pose, wheels, command, duration: float) -> Iterator[Pose]:
+    """Poses along one step, each after a turn of at most 0.1 rad; the last is that at its end.
+
+    Positions are exact: an arc in closed form where the wheels hold their speeds, a Gauss-Legendre
+    quadrature to machine precision where they ramp.
+
+    Args:
+        pose: x, y in [m] and yaw in [rad] at the start, world frame.
+        wheels: Speeds (left, right) at the start, in [rad/s].
+        command: Speeds wanted, (left, right), in [rad/s].
+        duration: Of the step, in [s].
+    """
+    x, y, yaw = pose
+    for time, speeds, rates in ramps(robot, wheels, command, duration):
+        speed, yaw_rate = robot.twist(*speeds)
+        acceleration, yaw_acceleration = robot.twist(*rates)
+        fastest = max(abs(yaw_rate), abs(yaw_rate + yaw_acceleration * time))
+        pieces = max(1, math.ceil(fastest * time / _LARGEST_TURN))
+        step = time / pieces
+        for _ in range(pieces):
+            if acceleration == 0.0 and yaw_acceleration == 0.0:
+                half = 0.5 * yaw_rate * step
+                chord = speed * step * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
+                x += chord * math.cos(yaw + half)
+                y += chord * math.sin(yaw + half)
+            else:
+                for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+                    at = node * step
+                    angle = yaw + (yaw_rate + 0.5 * yaw_acceleration * at) * at
+                    length = weight * step * (speed + acceleration * at)
+                    x += length * math.cos(angle)
+                    y += length * math.sin(angle)
+            yaw += (yaw_rate + 0.5 * yaw_acceleration * step) * step
+            speed += acceleration * step
+            yaw_rate += yaw_acceleration * step
+            yield x, y, yaw

@@ -1,0 +1,131 @@
+"""Obstacles of a task: their shapes, where they stand, and how far points are from them."""
+
+import dataclasses
+import math
+
+import numpy as np
+from pydrake.geometry import (
+    Box as BoxShape,
+)
+from pydrake.geometry import (
+    Cylinder,
+    GeometryId,
+    GeometryInstance,
+    IllustrationProperties,
+    ProximityProperties,
+    QueryObject,
+    SceneGraph,
+    Shape,
+)
+from pydrake.math import RigidTransform, RollPitchYaw
+
+_DRAWN_HEIGHT = 0.3
+# Obstacles are felt in the plane: geometry this tall has its nearest face at the side, never at the top.
+_FELT_HEIGHT = 1.0e3
+_COLOR = np.array([0.93, 0.53, 0.18, 1.0])
+
+
+@dataclasses.dataclass(kw_only=True)
+class Circle:
+    """A round pillar at (``x``, ``y``), in [m], world frame."""
+
+    name: str = ""
+    x: float = math.nan
+    y: float = math.nan
+    radius: float = math.nan
+
+    def sizes(self) -> dict[str, float]:
+        """What must be positive."""
+        return {"radius": self.radius}
+
+    def shape(self, height: float) -> Shape:
+        """The pillar, ``height`` m tall, about its own centre."""
+        return Cylinder(self.radius, height)
+
+    def yaw_angle(self) -> float:
+        """A circle has no direction."""
+        return 0.0
+
+    def bounding_radius(self) -> float:
+        """Radius of the least circle about (x, y) that holds the obstacle, in [m]."""
+        return self.radius
+
+
+@dataclasses.dataclass(kw_only=True)
+class Box:
+    """A wall or crate centred at (``x``, ``y``), turned by ``yaw``, in [m] and [rad], world frame.
+
+    ``length`` lies along the box's own x, ``width`` along its y.
+    """
+
+    name: str = ""
+    x: float = math.nan
+    y: float = math.nan
+    length: float = math.nan
+    width: float = math.nan
+    yaw: float = 0.0
+
+    def sizes(self) -> dict[str, float]:
+        """What must be positive."""
+        return {"length": self.length, "width": self.width}
+
+    def shape(self, height: float) -> Shape:
+        """The box, ``height`` m tall, about its own centre."""
+        return BoxShape(self.length, self.width, height)
+
+    def yaw_angle(self) -> float:
+        """Its direction, in [rad]."""
+        return self.yaw
+
+    def bounding_radius(self) -> float:
+        """Radius of the least circle about (x, y) that holds the obstacle, in [m]."""
+        return math.hypot(self.length, self.width) / 2
+
+
+Obstacle = Circle | Box
+
+
+def register_obstacles(scene_graph: SceneGraph, obstacles: list[Obstacle]) -> list[GeometryId]:
+    """Anchors the obstacles in ``scene_graph``, to be felt (proximity) and seen (illustration).
+
+    Returns:
+        The identifiers of what can be felt, in the order of ``obstacles``.
+    """
+    source = scene_graph.RegisterSource("obstacles")
+    felt = []
+    for obstacle in obstacles:
+        rotation = RollPitchYaw(0, 0, obstacle.yaw_angle())
+        X_WG = RigidTransform(rotation, [obstacle.x, obstacle.y, 0])
+        solid = GeometryInstance(X_WG, obstacle.shape(_FELT_HEIGHT), obstacle.name)
+        solid.set_proximity_properties(ProximityProperties())
+        felt.append(scene_graph.RegisterAnchoredGeometry(source, solid))
+        X_WG = RigidTransform(rotation, [obstacle.x, obstacle.y, _DRAWN_HEIGHT / 2])
+        drawn = GeometryInstance(X_WG, obstacle.shape(_DRAWN_HEIGHT), f"{obstacle.name}_drawn")
+        illustration = IllustrationProperties()
+        illustration.AddProperty("phong", "diffuse_rgba", _COLOR)
+        drawn.set_illustration_properties(illustration)
+        scene_graph.RegisterAnchoredGeometry(source, drawn)
+    return felt
+
+
+def least_distance(query: QueryObject, x: float, y: float) -> float:
+    """Distance in the plane from (``x``, ``y``) to the nearest obstacle, in [m]; negative inside one.
+
+    Infinite where there is no obstacle.
+    """
+    found = query.ComputeSignedDistanceToPoint(np.array([x, y, 0.0]))
+    return min((item.distance for item in found), default=math.inf)
+
+
+class ObstacleDistance:
+    """Distances to a fixed set of obstacles, through SceneGraph but without a diagram around it."""
+
+    def __init__(self, obstacles: list[Obstacle]) -> None:
+        self._scene_graph = SceneGraph()
+        register_obstacles(self._scene_graph, obstacles)
+        self._context = self._scene_graph.CreateDefaultContext()
+        self._query = self._scene_graph.get_query_output_port().Eval(self._context)
+
+    def __call__(self, positions: np.ndarray) -> np.ndarray:
+        """Distance from each of ``positions`` (n, 2) in [m] to the nearest obstacle: (n,), in [m]."""
+        return np.array([least_distance(self._query, x, y) for x, y in np.reshape(positions, (-1, 2))])

@@ -1,0 +1,188 @@
+"""The robot: wheels that ramp, exact arcs, and obstacles that stop it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.geometry import FrameId, FramePoseVector, QueryObject, SceneGraph, SourceId
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from drake_shared.motion import Pose, motion, speeds_after
+from drake_shared.obstacles import least_distance
+from drake_shared.robot_geometry import register_robot
+from drake_shared.scenario import Robot, Start
+
+# How far short of an obstacle the body stops, in [m]: rounding never carries it inside.
+_MARGIN = 1e-6
+
+
+class DiffDrivePlant(LeafSystem):
+    """A differential-drive robot that ramps to its command, drives exact arcs and stops at obstacles.
+
+    .. pydrake_system::
+
+        name: DiffDrivePlant
+        input_ports:
+        - wheel_command
+        - geometry_query
+        output_ports:
+        - pose
+        - wheel_speed
+        - geometry_pose
+        - contact
+        - clearance
+
+    Inputs:
+        wheel_command (2): [left, right] in [rad/s]. What the wheels cannot do is cut off, wheel by wheel;
+            what is no number counts as zero.
+        geometry_query: QueryObject of a SceneGraph with the obstacles. Without it there are none.
+
+    Outputs:
+        pose (3): [x, y, yaw] in [m, m, rad], world frame. State.
+        wheel_speed (2): [left, right] in [rad/s]. State.
+        geometry_pose: FramePoseVector of the robot's frame; depends on the state alone.
+        contact (1): 1 if the body touched an obstacle in the step that led here, else 0. State.
+        clearance (1): Distance of the circular body to the nearest obstacle, in [m]; infinite if there
+            is none. Never depends on ``wheel_command``.
+
+    The state is discrete and moves once a period. Each wheel changes its speed no faster than it may and
+    then holds it; the path of the step is integrated exactly. Where it meets an obstacle, translation ends
+    against it and the yaw goes on; the forward speed is lost, so the robot can turn and back away.
+
+    Args:
+        robot: Sizes and limits.
+        start: Pose at the start; the default of the state.
+        period: Of the update, in [s].
+        scene_graph: If given, the robot's looks are registered there, and ``geometry_pose`` places them.
+    """
+
+    def __init__(
+        self,
+        *,
+        robot: Robot,
+        start: Start | None = None,
+        period: float = 0.05,
+        scene_graph: SceneGraph | None = None,
+    ) -> None:
+        super().__init__()
+        if not (math.isfinite(period) and period > 0):
+            raise ValueError(f"period must be positive and finite, got {period}")
+        start = start or Start()
+        self._robot = robot
+        self._period = period
+        self._source: SourceId | None = None
+        self._frame: FrameId | None = None
+        if scene_graph is not None:
+            self._source, self._frame = register_robot(scene_graph, robot.model_path())
+
+        self._command_port = self.DeclareVectorInputPort("wheel_command", 2)
+        self._query_port = self.DeclareAbstractInputPort("geometry_query", Value(QueryObject()))
+        self._pose_index = self.DeclareDiscreteState(np.array([start.x, start.y, start.yaw]))
+        self._wheels_index = self.DeclareDiscreteState(2)
+        self._contact_index = self.DeclareDiscreteState(1)
+        pose_ticket = self.discrete_state_ticket(self._pose_index)
+        self.DeclareStateOutputPort("pose", self._pose_index)
+        self.DeclareStateOutputPort("wheel_speed", self._wheels_index)
+        self.DeclareAbstractOutputPort(
+            "geometry_pose", lambda: Value(FramePoseVector()), self._calc_geometry_pose, {pose_ticket}
+        )
+        self.DeclareStateOutputPort("contact", self._contact_index)
+        self._clearance_port = self.DeclareVectorOutputPort(
+            "clearance", 1, self._calc_clearance, {pose_ticket, self.input_port_ticket(self._query_port.get_index())}
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def source_id(self) -> SourceId | None:
+        """The robot's source in the SceneGraph, if it is registered in one."""
+        return self._source
+
+    def frame_id(self) -> FrameId | None:
+        """The robot's frame in the SceneGraph, if it is registered in one."""
+        return self._frame
+
+    def set_pose(self, context: Context, pose: np.ndarray) -> None:
+        """Puts the robot at ``pose`` (3), [x, y, yaw] in [m, m, rad], at rest."""
+        context.SetDiscreteState(self._pose_index, np.asarray(pose, dtype=float))
+        context.SetDiscreteState(self._wheels_index, np.zeros(2))
+        context.SetDiscreteState(self._contact_index, np.zeros(1))
+
+    def _calc_geometry_pose(self, context: Context, output) -> None:
+        poses = FramePoseVector()
+        if self._frame is not None:
+            x, y, yaw = context.get_discrete_state(self._pose_index).value()
+            poses.set_value(self._frame, RigidTransform(RollPitchYaw(0, 0, yaw), [x, y, 0]))
+        output.set_value(poses)
+
+    def _calc_clearance(self, context: Context, output: BasicVector) -> None:
+        x, y, _ = context.get_discrete_state(self._pose_index).value()
+        output[0] = self._gap(self._query(context), x, y)
+
+    def _query(self, context: Context) -> QueryObject | None:
+        return self._query_port.Eval(context) if self._query_port.HasValue(context) else None
+
+    def _gap(self, query: QueryObject | None, x: float, y: float) -> float:
+        return math.inf if query is None else least_distance(query, x, y) - self._robot.footprint_radius
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        x, y, yaw = context.get_discrete_state(self._pose_index).value().tolist()
+        wheels = context.get_discrete_state(self._wheels_index).value().tolist()
+        fastest = self._robot.max_wheel_speed
+        command = [
+            min(max(value, -fastest), fastest) if math.isfinite(value) else 0.0
+            for value in self._command_port.Eval(context).tolist()
+        ]
+        reached = speeds_after(self._robot, wheels, command, self._period)
+        reach = self._period * max(map(abs, (*wheels, *reached))) * self._robot.wheel_radius
+        path = motion(self._robot, (x, y, yaw), wheels, command, self._period)
+        contact = False
+        if self._clearance_port.Eval(context)[0] > reach + _MARGIN:
+            *_, (x, y, yaw) = path
+        else:
+            x, y, yaw, contact = self._drive_until_contact(self._query(context), (x, y, yaw), path)
+        if contact:
+            turn = 0.5 * (reached[1] - reached[0])
+            reached = (-turn, turn)
+        state.set_value(self._pose_index, [x, y, yaw])
+        state.set_value(self._wheels_index, reached)
+        state.set_value(self._contact_index, [float(contact)])
+
+    def _drive_until_contact(self, query, start: Pose, path) -> tuple[float, float, float, bool]:
+        x, y, yaw = start
+        next_x, next_y = x, y
+        contact = False
+        for piece_x, piece_y, yaw in path:
+            if not contact:
+                # Each piece is walked along its chord, from where the robot really is.
+                next_x, next_y = piece_x, piece_y
+                x, y, contact = self._walk(query, x, y, next_x, next_y)
+        if not contact and self._gap(query, x, y) <= 2 * _MARGIN:
+            contact = True  # At rest against an obstacle.
+        return x, y, yaw, contact
+
+    def _walk(self, query, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float, bool]:
+        """Goes straight to a point, or as far as the obstacles allow.
+
+        The gap to a convex obstacle is convex along a line: a step of Newton's method on it from outside
+        never oversteps the contact.
+        """
+        length = math.hypot(to_x - x, to_y - y)
+        if length == 0.0:
+            return x, y, False
+        along_x, along_y = (to_x - x) / length, (to_y - y) / length
+        gone = 0.0
+        while True:
+            step = math.inf
+            at = np.array([x + gone * along_x, y + gone * along_y, 0.0])
+            for found in query.ComputeSignedDistanceToPoint(at, self._robot.footprint_radius + length - gone + _MARGIN):
+                slope = found.grad_W[0] * along_x + found.grad_W[1] * along_y
+                if slope < 0.0:
+                    gap = found.distance - self._robot.footprint_radius - _MARGIN
+                    step = min(step, max(gap, 0.0) / -slope)
+            if step >= length - gone:
+                return to_x, to_y, False
+            gone += step
+            if step < 1e-9:
+                return x + gone * along_x, y + gone * along_y, True
