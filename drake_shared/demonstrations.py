@@ -151,7 +151,9 @@ def read_demonstrations(
         named = _scenario_name(description)
         if named is not None:
             metadata["scenario"] = named
-    return Demonstrations(items=tuple(items), metadata=metadata, source=", ".join(map(os.fspath, files)))
+    return Demonstrations(
+        items=tuple(items), metadata=metadata, source=", ".join(os.fspath(path) for path in files)
+    )
 
 
 def write_demonstrations(path: Path, demonstrations: Demonstrations) -> None:
@@ -226,7 +228,9 @@ def score_demonstrations(demonstrations: Demonstrations, scorer: Scorer) -> Demo
         except (TypeError, ValueError):
             value = np.nan
         if not np.isfinite(value):
-            raise InputError(demonstrations.source, f"score of demonstration {index}", "must be finite", score)
+            raise InputError(
+                demonstrations.source, f"score of demonstration {index}", "must be finite", score
+            )
         scored.append(dataclasses.replace(item, score=value))
     return dataclasses.replace(demonstrations, items=tuple(scored))
 

@@ -132,7 +132,7 @@ class Scenario:
     duration: float = 15.0
     """Time after which a trial is over."""
     control_period: float = 0.05
-    travel_time: float = 12.0
+    travel_time: float = 11.0
     """Time in which an unhurried operator comes from start to goal."""
 
     @property

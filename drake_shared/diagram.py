@@ -1,0 +1,201 @@
+"""The systems, wired: the shared-control loop of Fig. 1 of Amirshirzad et al. 2022 as one Diagram."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from pydrake.common import RandomDistribution
+from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Role, SceneGraph
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import Multiplexer, RandomSource, VectorLogSink
+
+from drake_shared.learners import Learner
+from drake_shared.learners.no_learner import NoLearner
+from drake_shared.obstacles import register_obstacles
+from drake_shared.scenario import Scenario
+from drake_shared.systems.confidence_blender import ConfidenceBlender
+from drake_shared.systems.diff_drive_plant import DiffDrivePlant
+from drake_shared.systems.intention_estimator import IntentionEstimator
+from drake_shared.systems.intention_visualizer import IntentionVisualizer
+from drake_shared.systems.surrogate_operator import SurrogateOperator
+from drake_shared.systems.waypoint_controller import WaypointController
+
+LOG_COLUMNS = (
+    *("x", "y", "yaw"),
+    *("human_left", "human_right"),
+    *("autonomous_left", "autonomous_right"),
+    *("shared_left", "shared_right"),
+    *("wheel_left", "wheel_right"),
+    *("confidence", "human_weight", "mean_variance", "clearance", "contact"),
+)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SharedControl:
+    """The parts of a shared-control loop in a diagram.
+
+    Attributes:
+        operator: The human input source.
+        estimator: Predicts where the person is heading.
+        controller: Steers the way predicted.
+        blender: Divides the control.
+        plant: The robot.
+        scene_graph: Holds the obstacles.
+        log_sink: Logs ``columns``, one row a control period.
+        columns: Names of the logged values; those that the operator adds come last.
+    """
+
+    operator: LeafSystem
+    estimator: IntentionEstimator
+    controller: WaypointController
+    blender: ConfidenceBlender
+    plant: DiffDrivePlant
+    scene_graph: SceneGraph
+    log_sink: VectorLogSink
+    columns: tuple[str, ...]
+
+
+def AddSharedControl(
+    builder: DiagramBuilder,
+    *,
+    scenario: Scenario,
+    learner: Learner | None = None,
+    operator: LeafSystem | None = None,
+    look_ahead: float = 0.6,
+    meshcat: Meshcat | None = None,
+) -> SharedControl:
+    """Adds the whole loop to ``builder``; :func:`MakeSharedControlDiagram` says what the arguments mean."""
+    period = scenario.control_period
+    operator = operator or SurrogateOperator(scenario=scenario)
+    learner = learner or NoLearner(scenario.duration)
+
+    scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
+    register_obstacles(scene_graph, scenario.obstacles)
+    operator = builder.AddNamedSystem("operator", operator)
+    estimator = builder.AddNamedSystem("intention_estimator", IntentionEstimator(learner=learner, period=period))
+    controller = builder.AddNamedSystem(
+        "waypoint_controller", WaypointController(robot=scenario.robot, look_ahead=look_ahead)
+    )
+    blender = builder.AddNamedSystem("confidence_blender", ConfidenceBlender())
+    # The looks of the robot cost time in every step, and serve only those who look.
+    plant = builder.AddNamedSystem(
+        "diff_drive_plant",
+        DiffDrivePlant(
+            robot=scenario.robot,
+            start=scenario.start,
+            period=period,
+            scene_graph=scene_graph if meshcat else None,
+        ),
+    )
+    pose = plant.GetOutputPort("pose")
+    human = operator.GetOutputPort("human_command")
+    autonomous = controller.GetOutputPort("autonomous_command")
+    shared = blender.GetOutputPort("shared_command")
+    weight = blender.GetOutputPort("human_weight")
+
+    builder.Connect(pose, estimator.GetInputPort("pose"))
+    builder.Connect(pose, controller.GetInputPort("pose"))
+    builder.Connect(estimator.GetOutputPort("intention"), controller.GetInputPort("intention"))
+    builder.Connect(human, blender.GetInputPort("human_command"))
+    builder.Connect(autonomous, blender.GetInputPort("autonomous_command"))
+    builder.Connect(estimator.GetOutputPort("confidence"), blender.GetInputPort("confidence"))
+    builder.Connect(shared, plant.GetInputPort("wheel_command"))
+    builder.Connect(scene_graph.get_query_output_port(), plant.GetInputPort("geometry_query"))
+    # The operator's command is state, so what it reads of the loop reaches it one step late.
+    offered = {"pose": pose, "human_weight": weight, "shared_command": shared}
+    for name, port in offered.items():
+        if operator.HasInputPort(name):
+            builder.Connect(port, operator.GetInputPort(name))
+    if operator.HasInputPort("noise"):
+        noise = builder.AddNamedSystem(
+            "operator_noise",
+            RandomSource(RandomDistribution.kGaussian, operator.GetInputPort("noise").size(), period),
+        )
+        builder.Connect(noise.get_output_port(), operator.GetInputPort("noise"))
+
+    logged = [pose, human, autonomous, shared, plant.GetOutputPort("wheel_speed")]
+    logged += [estimator.GetOutputPort("confidence"), weight, estimator.GetOutputPort("mean_variance")]
+    logged += [plant.GetOutputPort("clearance"), plant.GetOutputPort("contact")]
+    columns = LOG_COLUMNS
+    for name, extra in getattr(operator, "log_columns", {}).items():
+        logged.append(operator.GetOutputPort(name))
+        columns += tuple(extra)
+    multiplexer = builder.AddNamedSystem("log_multiplexer", Multiplexer([port.size() for port in logged]))
+    for index, port in enumerate(logged):
+        builder.Connect(port, multiplexer.get_input_port(index))
+    log_sink = builder.AddNamedSystem("log_sink", VectorLogSink(len(columns), period))
+    builder.Connect(multiplexer.get_output_port(), log_sink.get_input_port())
+
+    if meshcat is not None:
+        builder.Connect(
+            plant.GetOutputPort("geometry_pose"), scene_graph.get_source_pose_port(plant.source_id())
+        )
+        looks = MeshcatVisualizerParams(role=Role.kIllustration, prefix="scene", publish_period=period)
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, looks)
+        visualizer = builder.AddNamedSystem(
+            "intention_visualizer", IntentionVisualizer(meshcat=meshcat, robot=scenario.robot, period=period)
+        )
+        shown = {
+            "pose": pose,
+            "intention": estimator.GetOutputPort("intention"),
+            "human_weight": weight,
+            "human_command": human,
+            "autonomous_command": autonomous,
+            "shared_command": shared,
+        }
+        for name, port in shown.items():
+            builder.Connect(port, visualizer.GetInputPort(name))
+    return SharedControl(
+        operator=operator,
+        estimator=estimator,
+        controller=controller,
+        blender=blender,
+        plant=plant,
+        scene_graph=scene_graph,
+        log_sink=log_sink,
+        columns=columns,
+    )
+
+
+def MakeSharedControlDiagram(
+    scenario: Scenario,
+    *,
+    learner: Learner | None = None,
+    operator: LeafSystem | None = None,
+    look_ahead: float = 0.6,
+    meshcat: Meshcat | None = None,
+) -> Diagram:
+    """Wires the shared-control loop for ``scenario``.
+
+    The systems are named operator, intention_estimator, waypoint_controller, confidence_blender,
+    diff_drive_plant, scene_graph and log_sink; ``diagram.GetSubsystemByName`` finds them.
+
+    Args:
+        scenario: The task.
+        learner: Any object with the learners' ``predict``; without one the human drives alone.
+        operator: Any LeafSystem with an output port ``human_command`` (2), [left, right] in [rad/s], that
+            is state. Input ports named ``pose``, ``human_weight``, ``shared_command`` or ``noise`` are
+            connected if it has them. An attribute ``log_columns`` (port name to column names) adds columns
+            to the log. A :class:`SurrogateOperator` if None.
+        look_ahead: Of the agent's controller, in [s].
+        meshcat: Shows scene and intention there, if given.
+    """
+    builder = DiagramBuilder()
+    parts = AddSharedControl(
+        builder,
+        scenario=scenario,
+        learner=learner,
+        operator=operator,
+        look_ahead=look_ahead,
+        meshcat=meshcat,
+    )
+    diagram = builder.Build()
+    diagram.set_name("shared_control")
+    for part in (parts.operator, parts.estimator):
+        assert diagram.GetSubsystemByName(part.get_name()) is part
+    return diagram
+
+
+def shared_control_context(system: LeafSystem, root: Context) -> Context:
+    """The part of a root Context that belongs to ``system``, to be changed before a trial."""
+    return system.GetMyMutableContextFromRoot(root)

@@ -1,0 +1,149 @@
+"""Shows in Meshcat what the agent expects, how sure it is, and where each command leads."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.geometry import Cylinder, Meshcat, Rgba
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, LeafSystem
+
+from drake_shared.scenario import Robot
+from drake_shared.systems.intention_estimator import NOTHING_YET, Intention
+
+HUMAN_COLOR = (0.95, 0.62, 0.07)
+AGENT_COLOR = (0.16, 0.50, 0.88)
+SHARED_COLOR = (0.10, 0.62, 0.38)
+
+_PATH_DOTS = 36
+_COMMAND_DOTS = 5
+# How far ahead the arcs of the commands reach, in [s].
+_COMMAND_REACH = 1.0
+
+
+class IntentionVisualizer(LeafSystem):
+    """Draws the predicted path with its spread, the commands, and who has how much control.
+
+    .. pydrake_system::
+
+        name: IntentionVisualizer
+        input_ports:
+        - pose
+        - intention
+        - human_weight
+        - human_command
+        - autonomous_command
+        - shared_command
+
+    Inputs:
+        pose (3): [x, y, yaw] in [m, m, rad], world frame.
+        intention: :class:`~drake_shared.systems.intention_estimator.Intention`.
+        human_weight (1): w, from 0 to 1.
+        human_command, autonomous_command, shared_command (2): Wheel speeds [left, right] in [rad/s].
+
+    The path is a row of dots on discs whose half axes are the standard deviations in x and y; it is as
+    strong as the agent's share 1 - w. Each command is a row of dots along the arc on which it leads in the
+    next second. The halo of the robot goes from the agent's colour to the human's with w. All objects are
+    made at the start and only moved, scaled, tinted and hidden, which is what Meshcat can record.
+
+    Args:
+        meshcat: Where to draw.
+        robot: For the arcs of commands and the size of the halo.
+        period: Between drawings, in [s].
+        prefix: Path in Meshcat's tree under which everything lies.
+    """
+
+    def __init__(
+        self, *, meshcat: Meshcat, robot: Robot, period: float = 0.05, prefix: str = "intention"
+    ) -> None:
+        super().__init__()
+        self._meshcat = meshcat
+        self._robot = robot
+        self._prefix = prefix
+        self._pose_port = self.DeclareVectorInputPort("pose", 3)
+        self._intention_port = self.DeclareAbstractInputPort("intention", Value(NOTHING_YET))
+        self._weight_port = self.DeclareVectorInputPort("human_weight", 1)
+        self._command_ports = {
+            name: self.DeclareVectorInputPort(f"{name}_command", 2)
+            for name in ("human", "autonomous", "shared")
+        }
+        self._visible: dict[str, bool] = {}
+        self._make_objects()
+        self.DeclarePeriodicPublishEvent(period, 0.0, self._draw)
+        self.DeclareForcedPublishEvent(self._draw)
+
+    def _make_objects(self) -> None:
+        self._disc("halo", self._robot.footprint_radius + 0.05, 0.006, (*AGENT_COLOR, 0.55))
+        for index in range(_PATH_DOTS):
+            self._disc(f"spread/{index}", 1.0, 0.002, (*AGENT_COLOR, 0.10))
+            self._disc(f"mean/{index}", 0.022, 0.02, (*AGENT_COLOR, 1.0))
+        colors = {"human": HUMAN_COLOR, "autonomous": AGENT_COLOR, "shared": SHARED_COLOR}
+        for name, color in colors.items():
+            for index in range(_COMMAND_DOTS):
+                self._disc(f"{name}/{index}", 0.035 - 0.004 * index, 0.02, (*color, 1.0))
+
+    def _disc(self, name: str, radius: float, height: float, color: tuple[float, ...]) -> None:
+        self._meshcat.SetObject(f"{self._prefix}/{name}", Cylinder(radius, height), Rgba(*color))
+
+    def _draw(self, context: Context) -> None:
+        time = context.get_time()
+        pose = self._pose_port.Eval(context).tolist()
+        weight = float(self._weight_port.Eval(context)[0])
+        self._draw_halo(time, pose, weight)
+        self._draw_path(time, self._intention_port.Eval(context), 1.0 - weight)
+        for height, (name, port) in enumerate(self._command_ports.items()):
+            # One above the other, so that arcs that agree are all seen.
+            self._draw_command(time, name, pose, port.Eval(context).tolist(), 0.30 + 0.03 * height)
+
+    def _draw_halo(self, time: float, pose: list[float], weight: float) -> None:
+        color = [weight * h + (1 - weight) * a for h, a in zip(HUMAN_COLOR, AGENT_COLOR, strict=True)]
+        self._place("halo", time, pose[0], pose[1], 0.01)
+        self._meshcat.SetProperty(f"{self._prefix}/halo/<object>", "color", [*color, 0.55], time)
+
+    def _draw_path(self, time: float, intention: Intention, strength: float) -> None:
+        picked = np.linspace(intention.first, len(intention.times) - 1, _PATH_DOTS).round().astype(int)
+        opacity = 0.25 + 0.75 * strength
+        for index, entry in enumerate(picked):
+            x, y = intention.mean[entry].tolist()
+            sigma = np.sqrt(intention.variance[entry]).tolist()
+            known = math.isfinite(x + y + sum(sigma))
+            self._show(f"mean/{index}", time, known)
+            self._show(f"spread/{index}", time, known)
+            if known:
+                self._place(f"mean/{index}", time, x, y, 0.03)
+                self._place(f"spread/{index}", time, x, y, 0.015 + 2e-4 * index)
+                scale = [max(value, 0.02) for value in sigma] + [1.0]
+                self._meshcat.SetProperty(f"{self._prefix}/spread/{index}", "scale", scale, time)
+        self._meshcat.SetProperty(f"{self._prefix}/mean", "modulated_opacity", opacity, time)
+
+    def _draw_command(
+        self, time: float, name: str, pose: list[float], command: list[float], height: float
+    ) -> None:
+        known = all(map(math.isfinite, command))
+        self._show(name, time, known)
+        if not known:
+            return
+        speed, yaw_rate = self._robot.twist(*command)
+        x, y, yaw = pose
+        for index in range(_COMMAND_DOTS):
+            at = _COMMAND_REACH * (index + 1) / _COMMAND_DOTS
+            half = 0.5 * yaw_rate * at
+            chord = speed * at * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+            self._place(
+                f"{name}/{index}",
+                time,
+                x + chord * math.cos(yaw + half),
+                y + chord * math.sin(yaw + half),
+                height,
+            )
+
+    def _place(self, name: str, time: float, x: float, y: float, z: float) -> None:
+        self._meshcat.SetTransform(f"{self._prefix}/{name}", RigidTransform([x, y, z]), time)
+
+    def _show(self, name: str, time: float, visible: bool) -> None:
+        # Most of the time nothing changes: what is shown already needs no message.
+        if self._visible.get(name) is not visible:
+            self._visible[name] = visible
+            self._meshcat.SetProperty(f"{self._prefix}/{name}", "visible", visible, time)

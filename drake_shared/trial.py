@@ -1,0 +1,299 @@
+"""One run of the loop, its log, and the file of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import json
+import math
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pydrake.common import RandomGenerator
+from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, EventStatus, LeafSystem
+from threadpoolctl import threadpool_limits
+
+from drake_shared.demonstrations import LOG_FORMAT, METADATA_KEY
+from drake_shared.diagram import LOG_COLUMNS, AddSharedControl
+from drake_shared.errors import InputError
+from drake_shared.files import replacing
+from drake_shared.learners import Learner
+from drake_shared.scenario import Scenario
+from drake_shared.systems.recorded_input import RecordedInput
+from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
+
+LOG_VERSION = 1
+ENDS = ("reached", "duration")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TrialSettings:
+    """What differs from trial to trial.
+
+    Attributes:
+        mode: "shared", "human" (alone) or "agent" (alone).
+        seed: Of the simulated operator's noise.
+        route: Name of the route that the operator means; for a person, the one instructed. None: unknown.
+        behaviour: Of a simulated operator.
+        recording: Shape (n, 2), commands in [rad/s] for :class:`RecordedInput`.
+        confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
+        end: "reached" ends the trial at the goal, "duration" always at T.
+    """
+
+    mode: str = "shared"
+    seed: int = 0
+    route: str | None = None
+    behaviour: Behaviour = Behaviour()
+    recording: np.ndarray | None = None
+    confidence_gain: float | None = None
+    end: str = "reached"
+
+    def __post_init__(self) -> None:
+        if self.end not in ENDS:
+            raise InputError("trial", "end", f"must be one of {', '.join(ENDS)}", repr(self.end))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class Trial:
+    """What happened in a trial.
+
+    Attributes:
+        columns: Each name of the log to an array (n,); row k holds what is applied from t_k to t_k+1, its
+            ``contact`` is of the step that led to it, and the last row is not applied.
+        metadata: Scenario, learner, operator, seed, status and every setting that matters, as JSON holds it.
+    """
+
+    columns: Mapping[str, np.ndarray]
+    metadata: Mapping[str, Any]
+
+    def __getitem__(self, column: str) -> np.ndarray:
+        return self.columns[column]
+
+    @property
+    def status(self) -> str:
+        """How it ended: "reached", "timed_out", or why it was broken off."""
+        return self.metadata["status"]
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Shape (n, 2), in [m], world frame."""
+        return np.stack([self["x"], self["y"]], axis=-1)
+
+    def commands(self, who: str) -> np.ndarray:
+        """Shape (n, 2), wheel speeds [left, right] in [rad/s] of "human", "autonomous" or "shared"."""
+        return np.stack([self[f"{who}_left"], self[f"{who}_right"]], axis=-1)
+
+
+class Simulation:
+    """The diagram, built once in a process, and the trials that are run in it.
+
+    Args:
+        scenario: The task.
+        learner: Predicts intentions; the human drives alone without one.
+        operator: See :func:`drake_shared.diagram.MakeSharedControlDiagram`.
+        look_ahead: Of the agent's controller, in [s].
+        meshcat: Shows the trials, if given.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        learner: Learner | None = None,
+        operator: LeafSystem | None = None,
+        look_ahead: float = 0.6,
+        meshcat: Meshcat | None = None,
+    ) -> None:
+        # A second thread for products this small costs up to twenty times what it saves, and changes bits.
+        threadpool_limits(1, user_api="blas")
+        self.scenario = scenario
+        self.learner = learner
+        self.look_ahead = look_ahead
+        builder = DiagramBuilder()
+        self.parts = AddSharedControl(
+            builder,
+            scenario=scenario,
+            learner=learner,
+            operator=operator,
+            look_ahead=look_ahead,
+            meshcat=meshcat,
+        )
+        self.diagram = builder.Build()
+        self.diagram.set_name("shared_control")
+
+    def begin(self, settings: TrialSettings) -> RunningTrial:
+        """Sets a fresh Context up for a trial and stands at its start.
+
+        Raises:
+            InputError: The settings name a route that the scenario has not.
+        """
+        return RunningTrial(self, settings)
+
+    def run(self, settings: TrialSettings) -> Trial:
+        """Runs a trial to its end, as fast as the machine allows."""
+        running = self.begin(settings)
+        running.advance(self.scenario.duration)
+        return running.finish()
+
+
+class RunningTrial:
+    """A trial under way. Not made directly: :meth:`Simulation.begin` does."""
+
+    def __init__(self, simulation: Simulation, settings: TrialSettings) -> None:
+        self.simulation = simulation
+        self.settings = settings
+        scenario, parts = simulation.scenario, simulation.parts
+        self._goal = scenario.goal
+        self._route = None if settings.route is None else scenario.route(settings.route)
+        root = simulation.diagram.CreateDefaultContext()
+        # First of all: it puts every parameter back to its default.
+        simulation.diagram.SetRandomContext(root, RandomGenerator(settings.seed))
+        parts.blender.set_mode(parts.blender.GetMyMutableContextFromRoot(root), settings.mode)
+        if settings.confidence_gain is not None and simulation.learner is not None:
+            estimator = parts.estimator.GetMyMutableContextFromRoot(root)
+            parts.estimator.set_learner(estimator, simulation.learner, settings.confidence_gain)
+        own = parts.operator.GetMyMutableContextFromRoot(root)
+        if isinstance(parts.operator, SurrogateOperator):
+            route = self._route or scenario.routes[0]
+            parts.operator.set_behaviour(own, route=route, behaviour=settings.behaviour)
+        elif isinstance(parts.operator, RecordedInput) and settings.recording is not None:
+            parts.operator.set_recording(own, settings.recording)
+        self.simulator = Simulator(simulation.diagram, root)
+        self.root = root
+        self._plant_context = parts.plant.GetMyContextFromRoot(root)
+        self._pose_port = parts.plant.GetOutputPort("pose")
+        if settings.end == "reached":
+            self.simulator.set_monitor(self._stop_at_goal)
+        self.simulator.Initialize()
+
+    @property
+    def time(self) -> float:
+        """Since the start of the trial, in [s]."""
+        return self.root.get_time()
+
+    @property
+    def reached(self) -> bool:
+        """Whether the robot is at the goal now."""
+        x, y, _ = self._pose_port.Eval(self._plant_context)
+        return math.hypot(x - self._goal.x, y - self._goal.y) <= self._goal.radius
+
+    @property
+    def status(self) -> str | None:
+        """ "reached" or "timed_out" once the trial is over, else None."""
+        over = self.time >= self.simulation.scenario.duration - 1e-9
+        if self.reached and (over or self.settings.end == "reached"):
+            return "reached"
+        return "timed_out" if over else None
+
+    def advance(self, time: float) -> None:
+        """Runs on until ``time``, in [s] from the start, or to the end of the trial if that comes first."""
+        if self.status is None:
+            self.simulator.AdvanceTo(min(time, self.simulation.scenario.duration))
+
+    def finish(self, status: str | None = None, **metadata: Any) -> Trial:
+        """What happened so far, as a trial that ended in ``status``.
+
+        Args:
+            status: How it ended, if not by itself.
+            metadata: What else there is to say of it.
+        """
+        parts = self.simulation.parts
+        log = parts.log_sink.FindLog(self.root)
+        columns = {"t": log.sample_times().copy()}
+        columns |= dict(zip(parts.columns, log.data().copy(), strict=True))
+        columns["contact"] = columns["contact"] > 0.5
+        described = self._describe() | metadata
+        return Trial(columns=columns, metadata=described | {"status": status or self.status or "stopped"})
+
+    def _stop_at_goal(self, root) -> EventStatus:
+        if self.reached:
+            return EventStatus.ReachedTermination(self.simulation.diagram, "the goal is reached")
+        return EventStatus.DidNothing()
+
+    def _describe(self) -> dict[str, Any]:
+        scenario, learner, settings = self.simulation.scenario, self.simulation.learner, self.settings
+        gain = settings.confidence_gain
+        if gain is None and learner is not None:
+            gain = learner.confidence_gain
+        operator = self.simulation.parts.operator
+        described: dict[str, Any] = {
+            "format": LOG_FORMAT,
+            "version": LOG_VERSION,
+            "software": {"drake_shared": _version("drake_shared"), "drake": _version("drake")},
+            "scenario": dataclasses.asdict(scenario),
+            "learner": None if learner is None else learner.name,
+            "learner_id": None if learner is None else learner.metadata.get("id"),
+            "preset": None if learner is None else learner.preset,
+            "operator": type(operator).__name__,
+            "mode": settings.mode,
+            "route": settings.route,
+            "seed": settings.seed,
+            "end": settings.end,
+            "confidence_gain": gain,
+            "look_ahead": self.simulation.look_ahead,
+        }
+        if isinstance(operator, SurrogateOperator):
+            described["behaviour"] = dataclasses.asdict(settings.behaviour)
+        return described
+
+
+def run_trial(scenario: Scenario, learner: Learner | None = None, **settings: Any) -> Trial:
+    """Builds the diagram and runs one trial of a simulated operator; for many, keep a :class:`Simulation`.
+
+    Args:
+        scenario: The task.
+        learner: Predicts intentions; the human drives alone without one.
+        settings: See :class:`TrialSettings`.
+    """
+    return Simulation(scenario, learner=learner).run(TrialSettings(**settings))
+
+
+def write_log(trial: Trial, path: str | os.PathLike[str]) -> None:
+    """Writes a trial as Parquet, whole or not at all.
+
+    Raises:
+        InputError: The folder cannot be written to.
+    """
+    table = pa.table(dict(trial.columns))
+    table = table.replace_schema_metadata({METADATA_KEY: json.dumps(dict(trial.metadata))})
+    with replacing(path) as temporary:
+        pq.write_table(table, temporary)
+
+
+def read_log(path: str | os.PathLike[str]) -> Trial:
+    """Reads a trial back.
+
+    Raises:
+        InputError: The file is missing, is no log, is of a newer version, or lacks columns.
+    """
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowException) as error:
+        reason = "cannot be read as a log" if os.path.exists(path) else "must be a log; there is no such file"
+        raise InputError(path, "", reason) from error
+    try:
+        metadata = json.loads((table.schema.metadata or {}).get(METADATA_KEY, b"null"))
+    except ValueError as error:
+        raise InputError(path, "metadata", "must be JSON") from error
+    if not isinstance(metadata, dict) or metadata.get("format") != LOG_FORMAT:
+        raise InputError(path, "format", f"must be {LOG_FORMAT!r}")
+    if metadata.get("version") != LOG_VERSION:
+        raise InputError(path, "version", f"must be {LOG_VERSION}", metadata.get("version"))
+    missing = [name for name in ("t", *LOG_COLUMNS) if name not in table.column_names]
+    if missing:
+        raise InputError(path, "columns", f"must include {', '.join(missing)}")
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    return Trial(columns=columns, metadata=metadata)
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown"
