@@ -72,7 +72,9 @@ def AddSharedControl(
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
     register_obstacles(scene_graph, scenario.obstacles)
     operator = builder.AddNamedSystem("operator", operator)
-    estimator = builder.AddNamedSystem("intention_estimator", IntentionEstimator(learner=learner, period=period))
+    estimator = builder.AddNamedSystem(
+        "intention_estimator", IntentionEstimator(learner=learner, period=period)
+    )
     controller = builder.AddNamedSystem(
         "waypoint_controller", WaypointController(robot=scenario.robot, look_ahead=look_ahead)
     )

@@ -19,9 +19,7 @@ class InputError(DrakeSharedError, ValueError):
         got: What it is, if that helps.
     """
 
-    def __init__(
-        self, source: str | os.PathLike[str], field: str, expected: str, got: object = None
-    ) -> None:
+    def __init__(self, source: str | os.PathLike[str], field: str, expected: str, got: object = None) -> None:
         where = f"{os.fspath(source)}: {field}" if field else os.fspath(source)
         came = "" if got is None else f", got {got}"
         super().__init__(" ".join(f"{where} {expected}{came}".split()))

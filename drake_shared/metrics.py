@@ -77,7 +77,9 @@ def metrics(trial: Trial) -> dict[str, Any]:
         "path_length": float(np.hypot(*steps.T).sum()),
         "clearance": float(clearance.min()) if np.isfinite(clearance).all() else None,
         "mean_clearance": float(clearance.mean()) if np.isfinite(clearance).all() else None,
-        "smoothness": sparc(np.hypot(*steps.T) / period, float(np.median(period))) if period.size else math.nan,
+        "smoothness": sparc(np.hypot(*steps.T) / period, float(np.median(period)))
+        if period.size
+        else math.nan,
     }
 
 

@@ -14,6 +14,7 @@ from pydrake.geometry import (
     IllustrationProperties,
     ProximityProperties,
     QueryObject,
+    Rgba,
     SceneGraph,
     Shape,
 )
@@ -22,7 +23,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 _DRAWN_HEIGHT = 0.3
 # Obstacles are felt in the plane: geometry this tall has its nearest face at the side, never at the top.
 _FELT_HEIGHT = 1.0e3
-_COLOR = np.array([0.93, 0.53, 0.18, 1.0])
+_COLOR = Rgba(0.45, 0.50, 0.56, 1.0)
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -102,7 +103,7 @@ def register_obstacles(scene_graph: SceneGraph, obstacles: list[Obstacle]) -> li
         X_WG = RigidTransform(rotation, [obstacle.x, obstacle.y, _DRAWN_HEIGHT / 2])
         drawn = GeometryInstance(X_WG, obstacle.shape(_DRAWN_HEIGHT), f"{obstacle.name}_drawn")
         illustration = IllustrationProperties()
-        illustration.AddProperty("phong", "diffuse_rgba", _COLOR)
+        illustration.AddProperty("phong", "diffuse", _COLOR)
         drawn.set_illustration_properties(illustration)
         scene_graph.RegisterAnchoredGeometry(source, drawn)
     return felt

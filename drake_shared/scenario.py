@@ -3,7 +3,9 @@
 import dataclasses
 import math
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydrake.common.yaml import yaml_load_typed
@@ -178,6 +180,27 @@ def load_scenario(path: str | os.PathLike[str] | None = None) -> Scenario:
     return scenario
 
 
+def scenario_from_dict(data: Mapping[str, Any], *, source: str | os.PathLike[str] = "scenario") -> Scenario:
+    """The scenario that ``dataclasses.asdict`` made ``data`` of; logs hold theirs so.
+
+    Raises:
+        InputError: It is not what a scenario must be.
+    """
+    try:
+        given = dict(data)
+        given["obstacles"] = [
+            Box(**item) if "length" in item else Circle(**item) for item in data["obstacles"]
+        ]
+        given["routes"] = [Route(**item) for item in data["routes"]]
+        for name, kind in (("start", Start), ("goal", Goal), ("workspace", Workspace), ("robot", Robot)):
+            given[name] = kind(**data[name])
+        scenario = Scenario(**given)
+    except (KeyError, TypeError) as error:
+        raise InputError(source, "", f"cannot be read as a scenario: {error}") from error
+    check_scenario(scenario, source=source)
+    return scenario
+
+
 def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scenario") -> None:
     """Makes sure that a trial can be run in ``scenario``.
 
@@ -197,7 +220,9 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
     for field, point in (("start", scenario.start), ("goal", scenario.goal)):
         gap = clearance(np.array([[point.x, point.y]]))
         if gap <= 0:
-            raise InputError(source, field, "must leave the robot free of obstacles", f"{gap:.3f} m of clearance")
+            raise InputError(
+                source, field, "must leave the robot free of obstacles", f"{gap:.3f} m of clearance"
+            )
     for route in scenario.routes:
         _check_route(scenario, route, clearance, source)
 
@@ -245,7 +270,10 @@ def _check_sizes(scenario: Scenario, source) -> None:
         for item in dataclasses.fields(robot)
         if item.name != "model"
     }
-    positive |= {"workspace's width": space.x_max - space.x_min, "workspace's height": space.y_max - space.y_min}
+    positive |= {
+        "workspace's width": space.x_max - space.x_min,
+        "workspace's height": space.y_max - space.y_min,
+    }
     for index, obstacle in enumerate(scenario.obstacles):
         positive |= {f"obstacles[{index}].{name}": value for name, value in obstacle.sizes().items()}
     for name, value in positive.items():

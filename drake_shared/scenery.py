@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 
 from drake_shared.scenario import Scenario
 
-_FLOOR = Rgba(0.96, 0.96, 0.94, 1.0)
+_FLOOR = Rgba(0.98, 0.98, 0.97, 1.0)
 _BORDER = Rgba(0.62, 0.64, 0.66, 1.0)
 _START = Rgba(0.80, 0.25, 0.22, 1.0)
 _GOAL = Rgba(0.10, 0.62, 0.38, 1.0)
@@ -37,8 +37,12 @@ def draw_scenery(meshcat: Meshcat, scenario: Scenario) -> None:
     meshcat.SetTransform("scenery/start", RigidTransform([scenario.start.x, scenario.start.y, 0.003]))
     meshcat.SetProperty("/Grid", "visible", False)
     meshcat.SetProperty("/Axes", "visible", False)
-    meshcat.SetProperty("/Background", "top_color", [0.90, 0.91, 0.92])
-    meshcat.SetProperty("/Background", "bottom_color", [0.90, 0.91, 0.92])
+    for end in ("top_color", "bottom_color"):
+        meshcat.SetProperty("/Background/<object>", end, [0.90, 0.91, 0.92])
+    # Even light: from straight above a lamp only paints a bright spot on the floor.
+    for lamp in ("PointLightNegativeX", "PointLightPositiveX", "SpotLight", "FillLight"):
+        meshcat.SetProperty(f"/Lights/{lamp}", "visible", False)
+    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 2.7)
 
 
 def look_from_above(meshcat: Meshcat, scenario: Scenario, *, margin: float = 0.1) -> None:

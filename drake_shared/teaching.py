@@ -50,4 +50,6 @@ def teach(
         if trial.status != "reached" or trial["contact"].any():
             raise RunError(f"the operator failed on route {route} (seed {seed + index}): {trial.status}")
         driven.append(demonstration_of(trial, score=score(trial.positions)))
-    return Demonstrations(items=tuple(driven), metadata={"scenario": scenario.name, "operator": "SurrogateOperator"})
+    return Demonstrations(
+        items=tuple(driven), metadata={"scenario": scenario.name, "operator": "SurrogateOperator"}
+    )

@@ -91,7 +91,10 @@ class DiffDrivePlant(LeafSystem):
         )
         self.DeclareStateOutputPort("contact", self._contact_index)
         self._clearance_port = self.DeclareVectorOutputPort(
-            "clearance", 1, self._calc_clearance, {pose_ticket, self.input_port_ticket(self._query_port.get_index())}
+            "clearance",
+            1,
+            self._calc_clearance,
+            {pose_ticket, self.input_port_ticket(self._query_port.get_index())},
         )
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
@@ -176,7 +179,9 @@ class DiffDrivePlant(LeafSystem):
         while True:
             step = math.inf
             at = np.array([x + gone * along_x, y + gone * along_y, 0.0])
-            for found in query.ComputeSignedDistanceToPoint(at, self._robot.footprint_radius + length - gone + _MARGIN):
+            for found in query.ComputeSignedDistanceToPoint(
+                at, self._robot.footprint_radius + length - gone + _MARGIN
+            ):
                 slope = found.grad_W[0] * along_x + found.grad_W[1] * along_y
                 if slope < 0.0:
                     gap = found.distance - self._robot.footprint_radius - _MARGIN

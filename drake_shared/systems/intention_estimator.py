@@ -125,9 +125,7 @@ class IntentionEstimator(LeafSystem):
             reached = context.get_discrete_state(self._progress_index)[0]
             now = prepared.clock.advance(reached, x, y)
         first = prepared.first_after(now)
-        mean, variance = prepared.learner.predict(
-            np.array([now]), np.array([[x, y]]), prepared.later[first]
-        )
+        mean, variance = prepared.learner.predict(np.array([now]), np.array([[x, y]]), prepared.later[first])
         spread = mean_variance(prepared.later[first], variance, now)
         output.set_value(
             _Estimate(

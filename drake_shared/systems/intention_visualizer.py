@@ -43,10 +43,10 @@ class IntentionVisualizer(LeafSystem):
         human_weight (1): w, from 0 to 1.
         human_command, autonomous_command, shared_command (2): Wheel speeds [left, right] in [rad/s].
 
-    The path is a row of dots on discs whose half axes are the standard deviations in x and y; it is as
-    strong as the agent's share 1 - w. Each command is a row of dots along the arc on which it leads in the
-    next second. The halo of the robot goes from the agent's colour to the human's with w. All objects are
-    made at the start and only moved, scaled, tinted and hidden, which is what Meshcat can record.
+    The path is a row of dots on discs whose half axes are the standard deviations in x and y. Each command
+    is a row of dots along the arc on which it leads in the next second. Below the robot lies a disc of the
+    agent's colour, covered by one of the human's whose share of the area is w. All objects are made at the
+    start and only moved, scaled and hidden, which is what Meshcat can record.
 
     Args:
         meshcat: Where to draw.
@@ -75,7 +75,9 @@ class IntentionVisualizer(LeafSystem):
         self.DeclareForcedPublishEvent(self._draw)
 
     def _make_objects(self) -> None:
-        self._disc("halo", self._robot.footprint_radius + 0.05, 0.006, (*AGENT_COLOR, 0.55))
+        radius = self._robot.footprint_radius + 0.06
+        self._disc("halo/agent", radius, 0.004, (*AGENT_COLOR, 0.75))
+        self._disc("halo/human", radius, 0.004, (*HUMAN_COLOR, 1.0))
         for index in range(_PATH_DOTS):
             self._disc(f"spread/{index}", 1.0, 0.002, (*AGENT_COLOR, 0.10))
             self._disc(f"mean/{index}", 0.022, 0.02, (*AGENT_COLOR, 1.0))
@@ -92,19 +94,19 @@ class IntentionVisualizer(LeafSystem):
         pose = self._pose_port.Eval(context).tolist()
         weight = float(self._weight_port.Eval(context)[0])
         self._draw_halo(time, pose, weight)
-        self._draw_path(time, self._intention_port.Eval(context), 1.0 - weight)
+        self._draw_path(time, self._intention_port.Eval(context))
         for height, (name, port) in enumerate(self._command_ports.items()):
             # One above the other, so that arcs that agree are all seen.
             self._draw_command(time, name, pose, port.Eval(context).tolist(), 0.30 + 0.03 * height)
 
     def _draw_halo(self, time: float, pose: list[float], weight: float) -> None:
-        color = [weight * h + (1 - weight) * a for h, a in zip(HUMAN_COLOR, AGENT_COLOR, strict=True)]
         self._place("halo", time, pose[0], pose[1], 0.01)
-        self._meshcat.SetProperty(f"{self._prefix}/halo/<object>", "color", [*color, 0.55], time)
+        # The human's disc lies on the agent's, and its share of the area is the share of control.
+        self._scale("halo/human", time, max(math.sqrt(weight), 1e-3), max(math.sqrt(weight), 1e-3))
+        self._place("halo/human", time, 0.0, 0.0, 0.004)
 
-    def _draw_path(self, time: float, intention: Intention, strength: float) -> None:
+    def _draw_path(self, time: float, intention: Intention) -> None:
         picked = np.linspace(intention.first, len(intention.times) - 1, _PATH_DOTS).round().astype(int)
-        opacity = 0.25 + 0.75 * strength
         for index, entry in enumerate(picked):
             x, y = intention.mean[entry].tolist()
             sigma = np.sqrt(intention.variance[entry]).tolist()
@@ -114,9 +116,7 @@ class IntentionVisualizer(LeafSystem):
             if known:
                 self._place(f"mean/{index}", time, x, y, 0.03)
                 self._place(f"spread/{index}", time, x, y, 0.015 + 2e-4 * index)
-                scale = [max(value, 0.02) for value in sigma] + [1.0]
-                self._meshcat.SetProperty(f"{self._prefix}/spread/{index}", "scale", scale, time)
-        self._meshcat.SetProperty(f"{self._prefix}/mean", "modulated_opacity", opacity, time)
+                self._scale(f"spread/{index}", time, max(sigma[0], 0.02), max(sigma[1], 0.02))
 
     def _draw_command(
         self, time: float, name: str, pose: list[float], command: list[float], height: float
@@ -141,6 +141,9 @@ class IntentionVisualizer(LeafSystem):
 
     def _place(self, name: str, time: float, x: float, y: float, z: float) -> None:
         self._meshcat.SetTransform(f"{self._prefix}/{name}", RigidTransform([x, y, z]), time)
+
+    def _scale(self, name: str, time: float, x: float, y: float) -> None:
+        self._meshcat.SetProperty(f"{self._prefix}/{name}", "scale", [x, y, 1.0], time)
 
     def _show(self, name: str, time: float, visible: bool) -> None:
         # Most of the time nothing changes: what is shown already needs no message.

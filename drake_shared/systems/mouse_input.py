@@ -141,6 +141,16 @@ class MouseInput(LeafSystem):
         self.DeclareStateOutputPort("mouse", self._mouse)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
+    @property
+    def max_speed(self) -> float:
+        """Speed at full deflection, in [m/s]."""
+        return self._max_speed
+
+    @property
+    def max_yaw_rate(self) -> float:
+        """Yaw rate at full deflection, in [rad/s]."""
+        return self._max_yaw_rate
+
     def _update(self, context: Context, state: DiscreteValues) -> None:
         sample = self._source.latest()
         age = min(max(self._clock() - sample.arrival, 0.0), _OLDEST)

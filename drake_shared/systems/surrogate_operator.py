@@ -102,7 +102,9 @@ class SurrogateOperator(LeafSystem):
         self._memory_length = math.ceil(LONGEST_DELAY / self._period) + 2
         self._pose_port = self.DeclareVectorInputPort("pose", 3)
         self._noise_port = self.DeclareVectorInputPort("noise", 2)
-        self._route_index = self.DeclareAbstractParameter(Value(_RouteInMind(scenario.routes[0], self._start)))
+        self._route_index = self.DeclareAbstractParameter(
+            Value(_RouteInMind(scenario.routes[0], self._start))
+        )
         self._behaviour_index = self.DeclareAbstractParameter(Value(Behaviour()))
         self._command_index = self.DeclareDiscreteState(2)
         # Arc length reached on the route, in [m], and the noise on both wheels, in [rad/s].
@@ -136,7 +138,9 @@ class SurrogateOperator(LeafSystem):
 
         keep = math.exp(-self._period / behaviour.noise_time)
         kick = behaviour.noise * math.sqrt(1.0 - keep * keep)
-        noise = [keep * old + kick * new for old, new in zip(noise, self._noise_port.Eval(context), strict=True)]
+        noise = [
+            keep * old + kick * new for old, new in zip(noise, self._noise_port.Eval(context), strict=True)
+        ]
         fastest = self._robot.max_wheel_speed
         command = [min(max(a + b, -fastest), fastest) for a, b in zip((left, right), noise, strict=True)]
         if time < 0.0:
@@ -174,7 +178,6 @@ class SurrogateOperator(LeafSystem):
         off_direction = math.remainder(direction - yaw, math.tau)
         correction = self._DIRECTION_GAIN * off_direction - self._OFFSET_GAIN * speed * offset
         return speed, speed * curvature + behaviour.skill * correction
-
 
     def _plan(self, length: float, time: float, travel_time: float) -> tuple[float, float]:
         """Where on the route to be at ``time``, in [m], and how fast, in [m/s]."""

@@ -1,0 +1,1 @@
+"""What the subcommands of ``drake-shared`` do, one a module."""

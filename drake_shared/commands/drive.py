@@ -1,0 +1,54 @@
+"""``drake-shared drive``: the main job, a person who steers the robot on a web page."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Literal
+
+from drake_shared.commands.common import open_learner
+from drake_shared.files import check_writable
+
+
+@dataclasses.dataclass(kw_only=True)
+class Drive:
+    """Serves the page on which a person steers the robot, trial after trial, until stopped."""
+
+    model: Path | None = None
+    """Learner; default: the one that ships for the scenario and preset."""
+    preset: Literal["default", "paper"] = "default"
+    """Which of the shipped learners."""
+    scenario: str | None = None
+    """Scenario file, or the name of a shipped one."""
+    operator: Literal["mouse", "surrogate"] = "mouse"
+    """Who drives: a person on the page, or a simulated operator, for a look."""
+    assist: bool = True
+    """Whether the agent shares the control at first; the page can switch it."""
+    record: Path = Path("logs")
+    """Folder for the logs, one a trial."""
+    host: str = "127.0.0.1"
+    """Address to listen on. Anything but this machine's own shows the page to the network."""
+    port: int = 8080
+    """Port to listen on; 0 takes any that is free."""
+    open: bool = True
+    """Open the page in this machine's browser."""
+
+    def run(self) -> None:
+        """Does it."""
+        from drake_shared.cockpit import drive
+        from drake_shared.scenario import load_scenario
+
+        scenario = load_scenario(self.scenario)
+        learner, path = open_learner(scenario, self.model, self.preset)
+        check_writable(self.record)
+        drive(
+            scenario=scenario,
+            learner=learner,
+            learner_file=path,
+            operator=self.operator,
+            assist=self.assist,
+            record=self.record,
+            host=self.host,
+            port=self.port,
+            open_browser=self.open,
+        )

@@ -1,0 +1,105 @@
+"""``drake-shared simulate``: trials without a page, and what they say."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from drake_shared.commands.common import choose_model, open_learner, print_json, say
+from drake_shared.errors import InputError
+from drake_shared.files import check_writable
+from drake_shared.systems.surrogate_operator import Behaviour
+
+
+@dataclasses.dataclass(kw_only=True)
+class Simulate:
+    """Runs trials of a simulated operator, as fast as the machine allows, and measures them."""
+
+    model: Path | None = None
+    """Learner; default: the one that ships for the scenario and preset."""
+    preset: Literal["default", "paper"] = "default"
+    """Which of the shipped learners."""
+    scenario: str | None = None
+    """Scenario file, or the name of a shipped one."""
+    trials: int = 1
+    """How many; the routes take turns."""
+    seed: int = 0
+    """Of the first trial; each following one has the next."""
+    mode: Literal["shared", "human", "agent"] = "shared"
+    """Shared control, the operator alone, or the agent alone."""
+    operator: str = "surrogate"
+    """"surrogate", or a log whose human commands are played back."""
+    confidence_gain: float | None = None
+    """K of eq. (1), per m^2; default: the learner's own."""
+    end: Literal["reached", "duration"] = "reached"
+    """End at the goal, or always at T."""
+    behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
+    workers: int = 1
+    """Processes; the results do not depend on it."""
+    out: Path | None = None
+    """Folder for the logs; none are kept without it."""
+    json: bool = False
+    """Print everything as one JSON object."""
+
+    def run(self) -> None:
+        """Does it."""
+        from tqdm import tqdm
+
+        from drake_shared.batch import Batch, run_batch
+        from drake_shared.metrics import summarize
+        from drake_shared.scenario import load_scenario
+
+        scenario = load_scenario(self.scenario)
+        if self.confidence_gain is not None and not 0 < self.confidence_gain < float("inf"):
+            raise InputError(
+                "simulate", "confidence-gain", "must be positive and finite", self.confidence_gain
+            )
+        model = self._model(scenario)
+        if self.out is not None:
+            check_writable(self.out)
+        batch = Batch(
+            scenario=self.scenario,
+            model=None if model is None else str(model),
+            count=self.trials,
+            seed=self.seed,
+            mode=self.mode,
+            behaviour=self.behaviour,
+            recording=None if self.operator == "surrogate" else self.operator,
+            confidence_gain=self.confidence_gain,
+            end=self.end,
+            out=None if self.out is None else str(self.out),
+        )
+        rows = list(
+            tqdm(run_batch(batch, workers=self.workers), total=self.trials, unit="trial", disable=None)
+        )
+        measured = [{k: v for k, v in row.items() if k not in ("seed", "route", "log")} for row in rows]
+        summary = summarize(measured)
+        if self.json:
+            print_json({"trials": rows, "summary": summary})
+        else:
+            print_summary(summary, len(rows))
+        if self.out is not None:
+            say(f"wrote {len(rows)} logs to {self.out}")
+
+    def _model(self, scenario) -> Path | None:
+        try:
+            _, path = open_learner(scenario, self.model, self.preset)
+        except InputError:
+            # Someone who drives alone needs no learner; one that was asked for must be there.
+            if self.mode == "human" and self.model is None:
+                return None
+            raise
+        return path
+
+
+def print_summary(summary: dict[str, Any], count: int) -> None:
+    """Writes the measures of ``count`` trials as a table, for people."""
+    print(f"{count} trials of a simulated operator: mean and 95% interval")
+    for name, values in summary.items():
+        if values["mean"] is None:
+            continue
+        interval = "" if values["low"] is None else f"  [{values['low']:.4g}, {values['high']:.4g}]"
+        print(f"  {name:24s} {values['mean']:10.4g}{interval}")

@@ -1,0 +1,49 @@
+"""``drake-shared teach``: records demonstrations without assistance, and scores them."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from drake_shared.commands.common import say
+from drake_shared.files import check_writable
+from drake_shared.systems.surrogate_operator import Behaviour
+
+
+@dataclasses.dataclass(kw_only=True)
+class Teach:
+    """Records demonstrations without assistance and scores each by its clearance."""
+
+    out: Path
+    """Parquet file to write."""
+    scenario: str | None = None
+    """Scenario file, or the name of a shipped one."""
+    operator: Literal["mouse", "surrogate"] = "surrogate"
+    """Who drives: a person on the page, or a simulated operator along each route in turn."""
+    count: int | None = None
+    """How many; default: one for each route."""
+    seed: int = 0
+    """Of the first one's noise; each following one has the next."""
+    behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
+
+    def run(self) -> None:
+        """Does it."""
+        from drake_shared.demonstrations import write_demonstrations
+        from drake_shared.scenario import load_scenario
+        from drake_shared.teaching import teach, teach_by_mouse
+
+        scenario = load_scenario(self.scenario)
+        check_writable(self.out.parent)
+        if self.operator == "mouse":
+            demonstrations = teach_by_mouse(scenario, count=self.count)
+        else:
+            demonstrations = teach(scenario, count=self.count, seed=self.seed, behaviour=self.behaviour)
+        write_demonstrations(self.out, demonstrations)
+        for index, item in enumerate(demonstrations):
+            say(
+                f"demonstration {index}: {item.provenance.get('route') or 'driven'}, clearance {item.score:.3f} m"
+            )
+        say(f"wrote {self.out}")

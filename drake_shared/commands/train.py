@@ -1,0 +1,108 @@
+"""``drake-shared train``: a learner from demonstrations and logs, by Alg. 1 of the paper."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Literal
+
+from drake_shared.commands.common import print_json, say
+from drake_shared.demonstrations import (
+    Demonstrations,
+    load_scorer,
+    read_demonstrations,
+    score_demonstrations,
+)
+from drake_shared.files import check_writable
+
+
+@dataclasses.dataclass(kw_only=True)
+class Train:
+    """Trains a learner on demonstrations and logs (logs that reached the goal without contact)."""
+
+    demos: tuple[Path, ...]
+    """Parquet files of demonstrations, or logs of trials."""
+    out: Path
+    """Safetensors file to write."""
+    scenario: str | None = None
+    """Scenario file, or the name of a shipped one; scores by clearance need its obstacles."""
+    preset: Literal["default", "paper"] = "default"
+    """What works best, or the paper to the letter."""
+    score: str | None = None
+    """How demonstrations are scored: "clearance", a column of the files, or "module:function" of the
+    positions (n, 2). Default: the scores in the files; where there are none, all count alike."""
+    unweighted: bool = False
+    """Draw all demonstrations alike, whatever their scores."""
+    seed: int = 0
+    """Of the first weights and of everything drawn."""
+    seconds: float | None = None
+    """Plans the iterations for this time and stops by then."""
+    iterations: int | None = None
+    """In place of the preset's; the same number gives the same learner."""
+    json: bool = False
+    """Print the training record as one JSON object."""
+
+    def run(self) -> None:
+        """Does it."""
+        from tqdm import tqdm
+
+        demonstrations = self._read()
+        check_writable(self.out.parent)
+        from drake_shared.learners import save_learner, train
+
+        with tqdm(unit="it", desc="training", disable=None) as bar:
+
+            def progress(done: int, planned: int, loss: float) -> None:
+                bar.total = planned
+                bar.set_postfix_str(f"loss {loss:.3f}", refresh=False)
+                bar.update(done - bar.n)
+
+            learner = train(
+                demonstrations,
+                preset=self.preset,
+                weighted=not self.unweighted,
+                seed=self.seed,
+                seconds=self.seconds,
+                iterations=self.iterations,
+                progress=progress,
+            )
+        save_learner(learner, self.out)
+        record = learner.metadata["training"]
+        say(
+            f"wrote {self.out}: {len(demonstrations)} demonstrations, {record['iterations']} iterations "
+            f"in {record['seconds']:.1f} s, K = {learner.confidence_gain:.4g} per m^2"
+        )
+        if self.json:
+            print_json(
+                {
+                    "model": str(self.out),
+                    "learner": learner.name,
+                    "preset": learner.preset,
+                    "confidence_gain": learner.confidence_gain,
+                    "training": record,
+                }
+            )
+
+    def _read(self) -> Demonstrations:
+        column = None
+        if self.score is not None and self.score != "clearance" and ":" not in self.score:
+            column = self.score
+        expected = None
+        if self.scenario is not None:
+            from drake_shared.scenario import load_scenario
+
+            expected = load_scenario(self.scenario).name
+        demonstrations = read_demonstrations(self.demos, scenario=expected, score_column=column)
+        if self.score == "clearance" or (self.score is None and self._half_scored(demonstrations)):
+            from drake_shared.scenario import clearance_scorer, load_scenario
+
+            scenario = load_scenario(self.scenario or demonstrations.scenario)
+            return score_demonstrations(demonstrations, clearance_scorer(scenario))
+        if self.score is not None and ":" in self.score:
+            return score_demonstrations(demonstrations, load_scorer(self.score))
+        return demonstrations
+
+    @staticmethod
+    def _half_scored(demonstrations: Demonstrations) -> bool:
+        """Whether some have scores and others, logs, say, not: then all are scored alike."""
+        return demonstrations.scores is None and demonstrations.scenario is not None

@@ -1,0 +1,75 @@
+"""A trial as a stand-alone Meshcat page: the robot, the way driven, and the changing prediction."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+from pydrake.geometry import (
+    Meshcat,
+    MeshcatParams,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    Role,
+    SceneGraph,
+)
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_shared.files import replacing
+from drake_shared.learners import Learner
+from drake_shared.learners.no_learner import NoLearner
+from drake_shared.obstacles import register_obstacles
+from drake_shared.robot_geometry import register_robot
+from drake_shared.scenario import scenario_from_dict
+from drake_shared.scenery import draw_scenery, draw_way, look_from_above
+from drake_shared.systems.intention_estimator import IntentionEstimator
+from drake_shared.systems.intention_visualizer import IntentionVisualizer
+from drake_shared.systems.log_playback import LogPlayback
+from drake_shared.trial import Trial
+
+
+def write_replay(trial: Trial, path: str | os.PathLike[str], *, learner: Learner | None = None) -> None:
+    """Writes ``trial`` as an HTML page that needs nothing else.
+
+    Args:
+        trial: What to show.
+        path: The page to write.
+        learner: The one that took part; without it the prediction is not shown.
+
+    Raises:
+        InputError: The page cannot be written, or the log's scenario is not one.
+    """
+    scenario = scenario_from_dict(trial.metadata["scenario"], source="the log's scenario")
+    meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+    draw_scenery(meshcat, scenario)
+    look_from_above(meshcat, scenario)
+    draw_way(meshcat, trial.positions)
+
+    builder = DiagramBuilder()
+    scene_graph = builder.AddSystem(SceneGraph())
+    register_obstacles(scene_graph, scenario.obstacles)
+    source, frame = register_robot(scene_graph, scenario.robot.model_path())
+    rows = {"pose": np.column_stack([trial["x"], trial["y"], trial["yaw"]])}
+    rows |= {"human_weight": trial["human_weight"]}
+    rows |= {f"{who}_command": trial.commands(who) for who in ("human", "autonomous", "shared")}
+    playback = builder.AddSystem(LogPlayback(times=trial["t"], rows=rows, frame=frame))
+    period = scenario.control_period
+    estimator = builder.AddSystem(
+        IntentionEstimator(learner=learner or NoLearner(scenario.duration), period=period)
+    )
+    visualizer = builder.AddSystem(IntentionVisualizer(meshcat=meshcat, robot=scenario.robot, period=period))
+    builder.Connect(playback.GetOutputPort("geometry_pose"), scene_graph.get_source_pose_port(source))
+    builder.Connect(playback.GetOutputPort("pose"), estimator.GetInputPort("pose"))
+    builder.Connect(estimator.GetOutputPort("intention"), visualizer.GetInputPort("intention"))
+    for name in LogPlayback.SIZES:
+        builder.Connect(playback.GetOutputPort(name), visualizer.GetInputPort(name))
+    looks = MeshcatVisualizerParams(role=Role.kIllustration, prefix="scene", publish_period=period)
+    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, looks)
+    simulator = Simulator(builder.Build())
+    meshcat.StartRecording(frames_per_second=1 / period, set_visualizations_while_recording=False)
+    simulator.AdvanceTo(float(trial["t"][-1]))
+    meshcat.StopRecording()
+    meshcat.PublishRecording()
+    with replacing(path) as temporary:
+        temporary.write_text(meshcat.StaticHtml(), encoding="utf-8")
