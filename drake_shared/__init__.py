@@ -1,0 +1,61 @@
+"""Shared control for Drake: a person steers, a learner predicts where to, its confidence divides the command.
+
+The method is that of Amirshirzad, Ugur, Bebek and Oztop, "Adaptive Shared Control with Human Intention
+Estimation for Human Agent Collaboration" (2022). Every part is a Drake LeafSystem; ``MakeSharedControlDiagram``
+wires them.
+"""
+
+from drake_shared.demonstrations import read_demonstrations, write_demonstrations
+from drake_shared.diagram import AddSharedControl, MakeSharedControlDiagram, SharedControl
+from drake_shared.errors import DrakeSharedError, InputError, RunError
+from drake_shared.learners import calibrate, load_learner, save_learner, train
+from drake_shared.metrics import metrics, summarize
+from drake_shared.replay import write_replay
+from drake_shared.scenario import Scenario, load_scenario
+from drake_shared.systems.confidence_blender import ConfidenceBlender
+from drake_shared.systems.diff_drive_plant import DiffDrivePlant
+from drake_shared.systems.intention_estimator import Intention, IntentionEstimator
+from drake_shared.systems.intention_visualizer import IntentionVisualizer
+from drake_shared.systems.mouse_input import MouseInput
+from drake_shared.systems.recorded_input import RecordedInput
+from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
+from drake_shared.systems.waypoint_controller import WaypointController
+from drake_shared.teaching import teach
+from drake_shared.trial import Simulation, Trial, TrialSettings, read_log, run_trial, write_log
+
+__all__ = [
+    "AddSharedControl",
+    "Behaviour",
+    "ConfidenceBlender",
+    "DiffDrivePlant",
+    "DrakeSharedError",
+    "InputError",
+    "Intention",
+    "IntentionEstimator",
+    "IntentionVisualizer",
+    "MakeSharedControlDiagram",
+    "MouseInput",
+    "RecordedInput",
+    "RunError",
+    "Scenario",
+    "SharedControl",
+    "Simulation",
+    "SurrogateOperator",
+    "Trial",
+    "TrialSettings",
+    "WaypointController",
+    "calibrate",
+    "load_learner",
+    "load_scenario",
+    "metrics",
+    "read_demonstrations",
+    "read_log",
+    "run_trial",
+    "save_learner",
+    "summarize",
+    "teach",
+    "train",
+    "write_demonstrations",
+    "write_log",
+    "write_replay",
+]

@@ -30,9 +30,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.getLogger("drake").setLevel(logging.WARNING)
     try:
         command = tyro.cli(
-            Command,  # type: ignore[arg-type]
+            Command,
             prog="drake-shared",
-            description="Shared control for Drake: a person steers, a learner predicts, confidence arbitrates.",
+            description="Shared control for Drake: a person steers, a learner predicts where to.",
             args=arguments,
             config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
         )

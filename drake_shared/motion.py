@@ -12,15 +12,18 @@ from drake_shared.scenario import Robot
 # Largest turn of one piece of motion, in [rad]: the chord of a piece stays this close to its arc, and
 # five nodes integrate a piece to machine precision.
 _LARGEST_TURN = 0.1
-_NODES, _WEIGHTS = (
-    [float(value) for value in values]
-    for values in ((lambda n, w: (0.5 * (n + 1), 0.5 * w))(*np.polynomial.legendre.leggauss(5)))
-)
+_nodes, _weights = np.polynomial.legendre.leggauss(5)
+# Moved from [-1, 1] to [0, 1].
+_NODES: list[float] = (0.5 * (_nodes + 1)).tolist()
+_WEIGHTS: list[float] = (0.5 * _weights).tolist()
 
 Pose = tuple[float, float, float]
+Wheels = tuple[float, float]
 
 
-def ramps(robot: Robot, wheels: Pose | tuple[float, float], command: tuple[float, float], duration: float):
+def ramps(
+    robot: Robot, wheels: Wheels, command: Wheels, duration: float
+) -> Iterator[tuple[float, Wheels, Wheels]]:
     """Cuts a step into parts of constant wheel acceleration.
 
     Each wheel goes from its speed towards the command as fast as it may and then holds it.
@@ -50,7 +53,7 @@ def ramps(robot: Robot, wheels: Pose | tuple[float, float], command: tuple[float
             begin = end
 
 
-def speeds_after(robot: Robot, wheels, command, duration: float) -> tuple[float, float]:
+def speeds_after(robot: Robot, wheels: Wheels, command: Wheels, duration: float) -> Wheels:
     """Wheel speeds (left, right), in [rad/s], at the end of a step of ``duration`` s."""
     change = robot.max_wheel_acceleration * duration
     left, right = (
@@ -60,7 +63,7 @@ def speeds_after(robot: Robot, wheels, command, duration: float) -> tuple[float,
     return left, right
 
 
-def motion(robot: Robot, pose: Pose, wheels, command, duration: float) -> Iterator[Pose]:
+def motion(robot: Robot, pose: Pose, wheels: Wheels, command: Wheels, duration: float) -> Iterator[Pose]:
     """Poses along one step, each after a turn of at most 0.1 rad; the last is that at its end.
 
     Positions are exact: an arc in closed form where the wheels hold their speeds, a Gauss-Legendre

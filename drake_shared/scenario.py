@@ -16,7 +16,6 @@ from drake_shared.obstacles import Box, Circle, ObstacleDistance
 from drake_shared.paths import Path as RoutePath
 from drake_shared.paths import passing_side
 
-
 # yaml_load_typed builds every object from its defaults: what must be given starts as a number that the
 # check for finite numbers refuses.
 MUST_BE_GIVEN = math.nan
@@ -211,7 +210,7 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
     _check_finite(scenario, "", source)
     _check_sizes(scenario, source)
     space = scenario.workspace
-    placed = [("start", scenario.start), ("goal", scenario.goal)]
+    placed: list[tuple[str, Any]] = [("start", scenario.start), ("goal", scenario.goal)]
     placed += [(f"obstacles: {item.name}", item) for item in scenario.obstacles]
     for field, item in placed:
         if not space.contains(item.x, item.y):

@@ -49,7 +49,7 @@ class TrialSettings:
     mode: str = "shared"
     seed: int = 0
     route: str | None = None
-    behaviour: Behaviour = Behaviour()
+    behaviour: Behaviour = dataclasses.field(default_factory=Behaviour)
     recording: np.ndarray | None = None
     confidence_gain: float | None = None
     end: str = "reached"

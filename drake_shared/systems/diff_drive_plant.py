@@ -131,12 +131,9 @@ class DiffDrivePlant(LeafSystem):
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         x, y, yaw = context.get_discrete_state(self._pose_index).value().tolist()
-        wheels = context.get_discrete_state(self._wheels_index).value().tolist()
-        fastest = self._robot.max_wheel_speed
-        command = [
-            min(max(value, -fastest), fastest) if math.isfinite(value) else 0.0
-            for value in self._command_port.Eval(context).tolist()
-        ]
+        wheels = tuple(context.get_discrete_state(self._wheels_index).value().tolist())
+        left, right = self._command_port.Eval(context).tolist()
+        command = (self._possible(left), self._possible(right))
         reached = speeds_after(self._robot, wheels, command, self._period)
         reach = self._period * max(map(abs, (*wheels, *reached))) * self._robot.wheel_radius
         path = motion(self._robot, (x, y, yaw), wheels, command, self._period)
@@ -152,11 +149,18 @@ class DiffDrivePlant(LeafSystem):
         state.set_value(self._wheels_index, reached)
         state.set_value(self._contact_index, [float(contact)])
 
+    def _possible(self, command: float) -> float:
+        """What a wheel can do of a command, in [rad/s]."""
+        if not math.isfinite(command):
+            return 0.0
+        fastest = self._robot.max_wheel_speed
+        return min(max(command, -fastest), fastest)
+
     def _drive_until_contact(self, query, start: Pose, path) -> tuple[float, float, float, bool]:
         x, y, yaw = start
         next_x, next_y = x, y
         contact = False
-        for piece_x, piece_y, yaw in path:
+        for piece_x, piece_y, yaw in path:  # noqa: B007 (yaw goes on when translation has ended)
             if not contact:
                 # Each piece is walked along its chord, from where the robot really is.
                 next_x, next_y = piece_x, piece_y

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import ClassVar
 
 import numpy as np
 from pydrake.common.value import Value
@@ -37,7 +38,7 @@ class LogPlayback(LeafSystem):
         frame: The robot's frame in a SceneGraph.
     """
 
-    SIZES = {
+    SIZES: ClassVar[dict[str, int]] = {
         "pose": 3,
         "human_weight": 1,
         "human_command": 2,
