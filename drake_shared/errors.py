@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import os
 
 
@@ -23,6 +24,10 @@ class InputError(DrakeSharedError, ValueError):
         where = f"{os.fspath(source)}: {field}" if field else os.fspath(source)
         came = "" if got is None else f", got {got}"
         super().__init__(" ".join(f"{where} {expected}{came}".split()))
+
+    def __reduce__(self) -> tuple:
+        # An exception is made anew from its text alone when it comes from another process.
+        return copyreg.__newobj__, (type(self), str(self))  # type: ignore[attr-defined]
 
 
 class RunError(DrakeSharedError):

@@ -25,10 +25,12 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     On an exception the temporary file goes and ``path`` stays as it was.
 
     Raises:
-        InputError: The folder cannot be made or written to.
+        InputError: The folder cannot be made or written to, or ``path`` is itself a folder.
     """
     target = Path(path)
     check_writable(target.parent)
+    if target.is_dir():
+        raise InputError(target, "", "must be a file to write, not a folder")
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
     os.close(handle)
     temporary = Path(name)

@@ -9,10 +9,10 @@ import numpy as np
 
 from drake_shared.scenario import Robot
 
-# Largest turn of one piece of motion, in [rad]: the chord of a piece stays this close to its arc, and
-# five nodes integrate a piece to machine precision.
+# Largest turn of one piece of motion, in [rad]: the chord of a piece stays close to its arc, and three nodes
+# integrate it to 1e-12 of its length.
 _LARGEST_TURN = 0.1
-_nodes, _weights = np.polynomial.legendre.leggauss(5)
+_nodes, _weights = np.polynomial.legendre.leggauss(3)
 # Moved from [-1, 1] to [0, 1].
 _NODES: list[float] = (0.5 * (_nodes + 1)).tolist()
 _WEIGHTS: list[float] = (0.5 * _weights).tolist()
@@ -67,7 +67,7 @@ def motion(robot: Robot, pose: Pose, wheels: Wheels, command: Wheels, duration: 
     """Poses along one step, each after a turn of at most 0.1 rad; the last is that at its end.
 
     Positions are exact: an arc in closed form where the wheels hold their speeds, a Gauss-Legendre
-    quadrature to machine precision where they ramp.
+    quadrature to 1e-12 of the length where they ramp.
 
     Args:
         pose: x, y in [m] and yaw in [rad] at the start, world frame.

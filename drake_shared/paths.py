@@ -22,36 +22,44 @@ class Path:
         free = (2, np.zeros(2))
         first = free if heading is None else (1, np.array([np.cos(heading), np.sin(heading)]))
         curve = CubicSpline(knots, waypoints, bc_type=(first, free))
-        u = np.linspace(0.0, knots[-1], max(int(knots[-1] / _SPACING), 100) + 1)
-        points = curve(u)
-        self._arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-        self._points = points
+        fine = np.linspace(0.0, knots[-1], 4 * max(int(knots[-1] / _SPACING), 100) + 1)
+        pieces = np.linalg.norm(np.diff(curve(fine), axis=0), axis=1)
+        arc = np.concatenate([[0.0], np.cumsum(pieces)])
+        self.length = float(arc[-1])
+        """In [m]."""
+        # Even in arc length, so that a point is found by a division.
+        count = max(int(self.length / _SPACING), 100) + 1
+        self._spacing = self.length / (count - 1)
+        u = np.interp(np.arange(count) * self._spacing, arc, fine)
+        self._points = curve(u)
         dx, dy = curve(u, 1).T
         ddx, ddy = curve(u, 2).T
-        self._headings = np.unwrap(np.arctan2(dy, dx))
-        self._curvatures = (dx * ddy - dy * ddx) / np.maximum(np.hypot(dx, dy), 1e-9) ** 3
-        self.length = float(self._arc[-1])
-        """In [m]."""
+        headings = np.unwrap(np.arctan2(dy, dx))
+        curvatures = (dx * ddy - dy * ddx) / np.maximum(np.hypot(dx, dy), 1e-9) ** 3
+        self._frames = list(
+            zip(*self._points.T.tolist(), headings.tolist(), curvatures.tolist(), strict=True)
+        )
 
     def position(self, arc_length: np.ndarray) -> np.ndarray:
         """Points (n, 2) in [m] at ``arc_length`` (n,) in [m], held at the ends."""
-        return np.stack([np.interp(arc_length, self._arc, self._points[:, axis]) for axis in (0, 1)], axis=-1)
+        arc = np.arange(len(self._points)) * self._spacing
+        return np.stack([np.interp(arc_length, arc, self._points[:, axis]) for axis in (0, 1)], axis=-1)
 
     def frame(self, arc_length: float) -> tuple[float, float, float, float]:
-        """Position x, y in [m], direction in [rad] and curvature in [1/m] at ``arc_length`` in [m]."""
-        index = self._index(arc_length)
-        x, y = self._points[index]
-        return x, y, self._headings[index], self._curvatures[index]
+        """Position x, y in [m], direction in [rad] and curvature in [1/m] at ``arc_length`` in [m].
+
+        Of the nearest of points 5 mm apart.
+        """
+        return self._frames[self._index(arc_length)]
 
     def nearest(self, x: float, y: float, *, between: tuple[float, float]) -> float:
         """Arc length, in [m], of the point nearest to (``x``, ``y``) in an interval of arc lengths."""
         first, last = self._index(between[0]), self._index(between[1]) + 1
         offset = self._points[first:last] - (x, y)
-        return float(self._arc[first + int(np.argmin(np.einsum("ij,ij->i", offset, offset)))])
+        return (first + int(np.einsum("ij,ij->i", offset, offset).argmin())) * self._spacing
 
     def _index(self, arc_length: float) -> int:
-        # Samples are nearly even: the spacing is fine enough to stand for the curve itself.
-        return min(int(np.searchsorted(self._arc, arc_length)), len(self._arc) - 1)
+        return min(max(round(arc_length / self._spacing), 0), len(self._frames) - 1)
 
 
 def passing_side(positions: np.ndarray, point: tuple[float, float]) -> str:

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydrake.common.yaml import yaml_load_typed
+import yaml
+from pydrake.common.yaml import yaml_dump, yaml_load_data, yaml_load_typed
 
 from drake_shared.errors import InputError
 from drake_shared.files import models_directory
@@ -166,17 +167,15 @@ def load_scenario(path: str | os.PathLike[str] | None = None) -> Scenario:
     given = "two_obstacles" if path is None else os.fspath(path)
     file = Path(given)
     if not file.is_file():
-        shipped = models_directory() / "scenarios" / f"{given}.yaml"
-        if not shipped.is_file():
-            names = ", ".join(sorted(item.stem for item in shipped.parent.glob("*.yaml")))
-            raise InputError(given, "", f"must be a scenario file, or one of: {names}")
-        file = shipped
+        shipped = {item.stem: item for item in (models_directory() / "scenarios").glob("*.yaml")}
+        if given not in shipped:
+            raise InputError(given, "", f"must be a scenario file, or one of: {', '.join(sorted(shipped))}")
+        file = shipped[given]
     try:
-        scenario = yaml_load_typed(schema=Scenario, filename=str(file))
-    except Exception as error:  # yaml_load_typed raises RuntimeError, yaml.YAMLError, TypeError and others.
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
         raise InputError(file, "", f"cannot be read as a scenario: {error}") from error
-    check_scenario(scenario, source=file)
-    return scenario
+    return _read_scenario(text, source=file)
 
 
 def scenario_from_dict(data: Mapping[str, Any], *, source: str | os.PathLike[str] = "scenario") -> Scenario:
@@ -188,16 +187,47 @@ def scenario_from_dict(data: Mapping[str, Any], *, source: str | os.PathLike[str
     try:
         given = dict(data)
         given["obstacles"] = [
-            Box(**item) if "length" in item else Circle(**item) for item in data["obstacles"]
+            {"_tag": "!Box" if "length" in item else "!Circle", **item} for item in given.get("obstacles", [])
         ]
-        given["routes"] = [Route(**item) for item in data["routes"]]
-        for name, kind in (("start", Start), ("goal", Goal), ("workspace", Workspace), ("robot", Robot)):
-            given[name] = kind(**data[name])
-        scenario = Scenario(**given)
-    except (KeyError, TypeError) as error:
+        text = yaml_dump(given)
+    except (TypeError, ValueError, yaml.YAMLError) as error:
         raise InputError(source, "", f"cannot be read as a scenario: {error}") from error
+    return _read_scenario(text, source=source)
+
+
+def _read_scenario(text: str, *, source: str | os.PathLike[str]) -> Scenario:
+    """The scenario that a YAML text describes, checked."""
+    try:
+        scenario = yaml_load_typed(schema=Scenario, data=text)
+    except Exception as error:  # It raises RuntimeError, yaml.YAMLError, TypeError and others.
+        raise InputError(source, _field_at_fault(text), f"cannot be read: {error}") from error
     check_scenario(scenario, source=source)
     return scenario
+
+
+def _field_at_fault(text: str) -> str:
+    """The first field that yaml_load_typed cannot take; empty if the fault lies in the whole.
+
+    It does not say itself where it met a wrong type; but as everything has a default, each can be tried alone.
+    """
+    fields: list[str] = []
+    tried: Any = Scenario()
+    while dataclasses.is_dataclass(tried):
+        try:
+            given = yaml_load_data(text)
+        except Exception:  # No YAML at all.
+            break
+        for name, value in given.items() if isinstance(given, dict) else ():
+            alone = yaml_dump({name: value})
+            try:
+                yaml_load_typed(schema=type(tried), data=alone)
+            except Exception:  # As above.
+                fields.append(str(name))
+                tried, text = getattr(tried, str(name), None), yaml_dump(value)
+                break
+        else:
+            break
+    return ".".join(fields)
 
 
 def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scenario") -> None:
@@ -282,13 +312,15 @@ def _check_sizes(scenario: Scenario, source) -> None:
     if steps < 0.5 or abs(steps - round(steps)) > 1e-6:
         raise InputError(source, "duration", "must be a whole number of control periods", scenario.duration)
     if not robot.model_path().is_file():
-        raise InputError(source, "robot.model", "must be an SDF file or one of models/robots", robot.model)
+        raise InputError(source, "robot.model", "must be an SDF file or one of models/robots", repr(robot.model))
     if not scenario.routes:
         raise InputError(source, "routes", "must name at least one route")
     for field, names in (
         ("obstacles", [item.name for item in scenario.obstacles]),
         ("routes", [route.name for route in scenario.routes]),
     ):
+        if not all(name.strip() for name in names):
+            raise InputError(source, field, "must all have a name")
         if len(set(names)) != len(names):
             raise InputError(source, field, "must have names that differ", ", ".join(names))
 

@@ -39,12 +39,11 @@ class Drive:
         from drake_shared.scenario import load_scenario
 
         scenario = load_scenario(self.scenario)
-        learner, path = open_learner(scenario, self.model, self.preset)
+        learner, _ = open_learner(scenario, self.model, self.preset)
         check_writable(self.record)
         drive(
-            scenario=scenario,
-            learner=learner,
-            learner_file=path,
+            scenario,
+            learner,
             operator=self.operator,
             assist=self.assist,
             record=self.record,

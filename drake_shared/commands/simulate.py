@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from drake_shared.commands.common import choose_model, open_learner, print_json, say
+from drake_shared.commands.common import open_learner, print_json, say
 from drake_shared.errors import InputError
 from drake_shared.files import check_writable
 from drake_shared.systems.surrogate_operator import Behaviour

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from drake_shared.commands.common import say
+from drake_shared.errors import InputError
 from drake_shared.files import check_writable
 from drake_shared.systems.surrogate_operator import Behaviour
 
@@ -27,23 +28,34 @@ class Teach:
     """How many; default: one for each route."""
     seed: int = 0
     """Of the first one's noise; each following one has the next."""
+    host: str = "127.0.0.1"
+    """Address that the page listens on, for the mouse."""
+    port: int = 8080
+    """Port that the page listens on; 0 takes any that is free."""
+    open: bool = True
+    """Open the page in this machine's browser."""
     behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
 
     def run(self) -> None:
         """Does it."""
         from drake_shared.demonstrations import write_demonstrations
         from drake_shared.scenario import load_scenario
-        from drake_shared.teaching import teach, teach_by_mouse
+        from drake_shared.teaching import teach
 
         scenario = load_scenario(self.scenario)
+        if self.count is not None and self.count < 1:
+            raise InputError("teach", "count", "must be at least 1", self.count)
         check_writable(self.out.parent)
         if self.operator == "mouse":
-            demonstrations = teach_by_mouse(scenario, count=self.count)
+            from drake_shared.cockpit.teach import teach_by_mouse
+
+            demonstrations = teach_by_mouse(
+                scenario, count=self.count, host=self.host, port=self.port, open_browser=self.open
+            )
         else:
             demonstrations = teach(scenario, count=self.count, seed=self.seed, behaviour=self.behaviour)
         write_demonstrations(self.out, demonstrations)
         for index, item in enumerate(demonstrations):
-            say(
-                f"demonstration {index}: {item.provenance.get('route') or 'driven'}, clearance {item.score:.3f} m"
-            )
+            route = item.provenance.get("route") or "free"
+            say(f"demonstration {index}: route {route}, clearance {item.score:.3f} m")
         say(f"wrote {self.out}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
@@ -71,15 +73,16 @@ class ConfidenceBlender(LeafSystem):
         mode = context.get_abstract_parameter(self._mode_index).get_value()
         weight = 1.0 if mode == "human" else 0.0
         if mode == "shared":
-            weight = 1.0 - min(max(self._confidence_port.Eval(context)[0], 0.0), 1.0)
-        left, right = self._autonomous_port.Eval(context)
+            weight = 1.0 - min(max(self._confidence_port.Eval(context).item(), 0.0), 1.0)
+        left, right = self._autonomous_port.Eval(context).tolist()
         # A sum with what is no finite number is none either.
-        output[0] = weight if np.isfinite(weight + left + right) else 1.0
+        output[0] = weight if math.isfinite(weight + left + right) else 1.0
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
-        weight = self._weight_port.Eval(context)[0]
+        weight = self._weight_port.Eval(context).item()
         human = self._human_port.Eval(context)
-        command = human if np.isfinite(human[0] + human[1]) else np.zeros(2)
+        if not math.isfinite(human.sum()):
+            human = np.zeros(2)
         if weight < 1.0:
-            command = weight * command + (1.0 - weight) * self._autonomous_port.Eval(context)
-        output.set_value(command)
+            human = weight * human + (1.0 - weight) * self._autonomous_port.Eval(context)
+        output.set_value(human)

@@ -80,8 +80,9 @@ class MouseInput(LeafSystem):
     the browser merges moves. Keys and gamepad add to the stick. Forward deflection is speed, sideways
     deflection is yaw rate (to the right is negative yaw), and the robot's wheels limit both alike.
 
-    The command is 0 and the stick is centred when nobody is engaged, when the newest sample is older than
-    ``stale_after``, and from a new engagement until its first move.
+    The command is 0 when nobody is engaged, when the newest sample is older than ``stale_after``, and from
+    a new engagement until its first move. Letting go centres the stick; a pause in what is heard does not:
+    when samples come again the stick is where the hand has it.
 
     Args:
         robot: Turns speed and yaw rate into wheel speeds.
@@ -158,10 +159,10 @@ class MouseInput(LeafSystem):
         if not all(map(math.isfinite, numbers)):
             # One NaN in the stick would stay there for ever.
             sample = dataclasses.replace(sample, engaged=False, x=0.0, y=0.0, forward=0.0, turn=0.0)
-        drives = sample.engaged and age <= self._stale_after
-        stick = self._moved_stick(context, sample) if drives else (0.0, 0.0)
-        forward = _clip(stick[0] + sample.forward) if drives else 0.0
-        left = _clip(stick[1] + sample.turn) if drives else 0.0
+        stick = self._moved_stick(context, sample) if sample.engaged else (0.0, 0.0)
+        heard = sample.engaged and age <= self._stale_after
+        forward = _clip(stick[0] + sample.forward) if heard else 0.0
+        left = _clip(stick[1] + sample.turn) if heard else 0.0
         dead_zone = sample.stick.dead_zone
         command = self._robot.wheel_speeds(
             self._max_speed * _past_dead_zone(forward, dead_zone),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 
@@ -37,8 +39,8 @@ class ProgressClock:
         last = max(int(self._times.searchsorted(reached + self._horizon, side="right")), first + 1)
         dx = self._x[first:last] - x
         dy = self._y[first:last] - y
-        nearest = np.sqrt((dx * dx + dy * dy).min(axis=1))
-        close = np.flatnonzero(nearest <= nearest.min() + self._tolerance)
+        squares = (dx * dx + dy * dy).min(axis=1)
+        close = np.flatnonzero(squares <= (math.sqrt(squares.min()) + self._tolerance) ** 2)
         if not close.size:  # The position is no number.
             return reached
         return max(reached, float(self._times[first + int(close[-1])]))
