@@ -27,6 +27,7 @@ LOG_COLUMNS = (
     *("shared_left", "shared_right"),
     *("wheel_left", "wheel_right"),
     *("confidence", "human_weight", "mean_variance", "clearance", "contact"),
+    *("moved_by_pose", "moved_by_command"),
 )
 
 
@@ -73,7 +74,7 @@ def AddSharedControl(
     register_obstacles(scene_graph, scenario.obstacles)
     operator = builder.AddNamedSystem("operator", operator)
     estimator = builder.AddNamedSystem(
-        "intention_estimator", IntentionEstimator(learner=learner, period=period)
+        "intention_estimator", IntentionEstimator(learner=learner, robot=scenario.robot, period=period)
     )
     controller = builder.AddNamedSystem(
         "waypoint_controller", WaypointController(robot=scenario.robot, look_ahead=look_ahead)
@@ -96,6 +97,7 @@ def AddSharedControl(
     weight = blender.GetOutputPort("human_weight")
 
     builder.Connect(pose, estimator.GetInputPort("pose"))
+    builder.Connect(human, estimator.GetInputPort("human_command"))
     builder.Connect(pose, controller.GetInputPort("pose"))
     builder.Connect(estimator.GetOutputPort("intention"), controller.GetInputPort("intention"))
     builder.Connect(human, blender.GetInputPort("human_command"))
@@ -118,6 +120,7 @@ def AddSharedControl(
     logged = [pose, human, autonomous, shared, plant.GetOutputPort("wheel_speed")]
     logged += [estimator.GetOutputPort("confidence"), weight, estimator.GetOutputPort("mean_variance")]
     logged += [plant.GetOutputPort("clearance"), plant.GetOutputPort("contact")]
+    logged += [estimator.GetOutputPort("influence")]
     columns = LOG_COLUMNS
     for name, extra in getattr(operator, "log_columns", {}).items():
         logged.append(operator.GetOutputPort(name))

@@ -11,6 +11,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_shared.learners import Learner, confidence
+from drake_shared.scenario import Robot
 from drake_shared.systems.progress_clock import ProgressClock
 
 
@@ -44,6 +45,11 @@ class Intention:
         return x + share * (before_x - x), y + share * (before_y - y)
 
 
+# At so many moments of the task, evenly spread, it is noted where the robot is expected.
+_MOMENTS = 8
+# A command that leads less far than this, in [m], points nowhere.
+_POINTING = 0.05
+
 NOTHING_YET = Intention(
     time=0.0, times=np.zeros(1), mean=np.full((1, 2), math.nan), variance=np.full((1, 2), math.inf), first=0
 )
@@ -57,18 +63,24 @@ class IntentionEstimator(LeafSystem):
         name: IntentionEstimator
         input_ports:
         - pose
+        - human_command
         output_ports:
         - intention
         - confidence
         - mean_variance
+        - influence
 
     Inputs:
         pose (3): [x, y, yaw] in [m, m, rad], world frame.
+        human_command (2): Wheel speeds [left, right] in [rad/s]; may be left open. It is evidence for learners
+            whose evidence is "pose+command", and not looked at for others.
 
     Outputs:
         intention: :class:`Intention`. Feeds through.
         confidence (1): c_f of eq. (1) of Amirshirzad et al. 2022, in [0, 1]; NaN where the learner says NaN.
         mean_variance (1): Mean variance of the steps to come, over x and y, in [m^2].
+        influence (2): How far the pose and how far the human's command moved the expected path in this step:
+            root mean square over what is to come, in [m].
 
     Parameters (of the Context, so that trials may differ in them):
         learner: See :meth:`set_learner`.
@@ -77,26 +89,43 @@ class IntentionEstimator(LeafSystem):
     State:
         progress (1): The time of the demonstrated point that was reached, in [s]; for learners whose clock
             is "progress". It is updated once a period.
+        expected (16): Where the pose alone made the robot expected at 8 moments of the task, for ``influence``.
 
-    All outputs come from one prediction, made when the first is asked for and kept until pose, parameters
-    or time change.
+    All outputs come from one estimate, made when the first is asked for and kept until an input, a parameter
+    or time changes.
+
+    Once the agent holds the control, the human's command cannot change the pose, and from the pose alone the
+    estimate would never learn of it (compare Aronson and Short, arXiv 2408.12103). So where the command
+    points is a second observation: the place to which it leads in ``reach`` s, at the time of the nearest
+    demonstrated point. It moves the mean; the variance is the larger of both, with and without it, plus the
+    squared distance between both means. To point along one of several ways that are still open thus makes
+    the agent go along, but does not take control from the human; to point elsewhere gives it back.
 
     Args:
         learner: Any object with the learners' ``predict``; see :class:`drake_shared.learners.Learner`.
+        robot: For where a command leads.
         period: Of the control step, in [s].
+        reach: How far ahead a command points, in [s].
     """
 
-    def __init__(self, *, learner: Learner, period: float = 0.05) -> None:
+    def __init__(
+        self, *, learner: Learner, robot: Robot | None = None, period: float = 0.05, reach: float = 0.8
+    ) -> None:
         super().__init__()
+        self._robot = robot or Robot()
+        self._reach = reach
         self._pose_port = self.DeclareVectorInputPort("pose", 3)
+        self._human_port = self.DeclareVectorInputPort("human_command", 2)
         self._learner_index = self.DeclareAbstractParameter(Value(_Prepared(learner)))
         self._gain_index = self.DeclareNumericParameter(BasicVector([learner.confidence_gain]))
         self._progress_index = self.DeclareDiscreteState(1)
+        self._expected_index = self.DeclareDiscreteState(np.full(2 * _MOMENTS, math.nan))
         prerequisites = {
             self.time_ticket(),
             self.xd_ticket(),
             self.all_parameters_ticket(),
             self.input_port_ticket(self._pose_port.get_index()),
+            self.input_port_ticket(self._human_port.get_index()),
         }
         self._estimate = self.DeclareCacheEntry(
             "estimate", ValueProducer(lambda: Value(_Estimate()), self._calc_estimate), prerequisites
@@ -107,6 +136,7 @@ class IntentionEstimator(LeafSystem):
         )
         self.DeclareVectorOutputPort("confidence", 1, self._calc_confidence, from_estimate)
         self.DeclareVectorOutputPort("mean_variance", 1, self._calc_mean_variance, from_estimate)
+        self.DeclareVectorOutputPort("influence", 2, self._calc_influence, from_estimate)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def set_learner(self, context: Context, learner: Learner, confidence_gain: float | None = None) -> None:
@@ -118,14 +148,27 @@ class IntentionEstimator(LeafSystem):
     def _calc_estimate(self, context: Any, output: Value) -> None:
         prepared: _Prepared = context.get_abstract_parameter(self._learner_index).get_value()
         gain = context.get_numeric_parameter(self._gain_index)[0]
-        x, y, _ = self._pose_port.Eval(context).tolist()
+        x, y, yaw = self._pose_port.Eval(context).tolist()
         if prepared.clock is None:
             now = min(context.get_time(), prepared.duration)
         else:
             reached = context.get_discrete_state(self._progress_index)[0]
             now = prepared.clock.advance(reached, x, y)
         first = prepared.first_after(now)
-        mean, variance = prepared.learner.predict(np.array([now]), np.array([[x, y]]), prepared.later[first])
+        later = prepared.later[first]
+        mean, variance = prepared.learner.predict(np.array([now]), np.array([[x, y]]), later)
+        expected = prepared.at_moments(mean)
+        by_command = 0.0
+        pointed = self._pointed(context, x, y, yaw) if prepared.heeds_command else None
+        if pointed is not None:
+            then = now + self._reach if prepared.clock is None else prepared.clock.advance(now, *pointed)
+            told, told_variance = prepared.learner.predict(
+                np.array([now, then]), np.array([[x, y], pointed]), later
+            )
+            moved = (told - mean) ** 2
+            mean = told
+            variance = np.maximum(variance, told_variance) + moved
+            by_command = math.sqrt(2.0 * moved.mean())
         # All queries are later than now: this is the mean of eq. (1), without looking for where to begin.
         spread = float(variance.sum()) / variance.size
         output.set_value(
@@ -139,8 +182,21 @@ class IntentionEstimator(LeafSystem):
                 ),
                 confidence=confidence(spread, gain),
                 mean_variance=spread,
+                expected=expected,
+                by_command=by_command,
             )
         )
+
+    def _pointed(self, context: Context, x: float, y: float, yaw: float) -> tuple[float, float] | None:
+        """Where the human's command leads in ``reach`` s, in [m]; None if there is none."""
+        if not self._human_port.HasValue(context):
+            return None
+        speed, yaw_rate = self._robot.twist(*self._human_port.Eval(context).tolist())
+        if not math.isfinite(speed + yaw_rate) or abs(speed) * self._reach < _POINTING:
+            return None
+        half = 0.5 * yaw_rate * self._reach
+        chord = speed * self._reach * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+        return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half)
 
     def _calc_intention(self, context: Context, output: Value) -> None:
         output.set_value(self._estimate.Eval(context).intention)
@@ -151,8 +207,18 @@ class IntentionEstimator(LeafSystem):
     def _calc_mean_variance(self, context: Context, output: BasicVector) -> None:
         output[0] = self._estimate.Eval(context).mean_variance
 
+    def _calc_influence(self, context: Context, output: BasicVector) -> None:
+        estimate = self._estimate.Eval(context)
+        before = context.get_discrete_state(self._expected_index).value()
+        squares = (estimate.expected - before) ** 2
+        known = squares[np.isfinite(squares)]
+        output[0] = math.sqrt(2.0 * known.sum() / known.size) if known.size else 0.0
+        output[1] = estimate.by_command
+
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        state.set_value(self._progress_index, [self._estimate.Eval(context).intention.time])
+        estimate = self._estimate.Eval(context)
+        state.set_value(self._progress_index, [estimate.intention.time])
+        state.set_value(self._expected_index, estimate.expected)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,6 +226,8 @@ class _Estimate:
     intention: Intention = NOTHING_YET
     confidence: float = 0.0
     mean_variance: float = math.inf
+    expected: np.ndarray | None = None
+    by_command: float = 0.0
 
 
 class _Prepared:
@@ -174,6 +242,16 @@ class _Prepared:
         self.clock = None
         if learner.metadata.get("clock") == "progress" and learner.demonstrations is not None:
             self.clock = ProgressClock(self.grid, learner.demonstrations)
+
+        self.heeds_command = learner.metadata.get("evidence") == "pose+command"
+        self._moments = np.linspace(0, len(self.grid) - 1, _MOMENTS + 1).round().astype(int)[1:]
+
+    def at_moments(self, later: np.ndarray) -> np.ndarray:
+        """The last rows of a whole grid at the moments (2 * 8,), NaN for those that are past."""
+        rows = self._moments - (len(self.grid) - len(later))
+        values = later[np.maximum(rows, 0)]
+        values[rows < 0] = math.nan
+        return values.ravel()
 
     def first_after(self, now: float) -> int:
         """Index of the first query later than ``now``; the last one if there is none."""
