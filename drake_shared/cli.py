@@ -10,6 +10,7 @@ from typing import Annotated
 import tyro
 
 from drake_shared.commands.drive import Drive
+from drake_shared.commands.evaluate import Evaluate
 from drake_shared.commands.replay import Replay
 from drake_shared.commands.simulate import Simulate
 from drake_shared.commands.teach import Teach
@@ -21,6 +22,7 @@ Command = (
     | Annotated[Teach, tyro.conf.subcommand("teach")]
     | Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
+    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
 )
 

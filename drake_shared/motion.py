@@ -76,9 +76,7 @@ def motion(robot: Robot, pose: Pose, wheels: Wheels, command: Wheels, duration: 
         duration: Of the step, in [s].
     """
     x, y, yaw = pose
-    for time, speeds, rates in ramps(robot, wheels, command, duration):
-        speed, yaw_rate = robot.twist(*speeds)
-        acceleration, yaw_acceleration = robot.twist(*rates)
+    for time, speed, acceleration, yaw_rate, yaw_acceleration in _one_way(robot, wheels, command, duration):
         fastest = max(abs(yaw_rate), abs(yaw_rate + yaw_acceleration * time))
         pieces = max(1, math.ceil(fastest * time / _LARGEST_TURN))
         step = time / pieces
@@ -99,3 +97,18 @@ def motion(robot: Robot, pose: Pose, wheels: Wheels, command: Wheels, duration: 
             speed += acceleration * step
             yaw_rate += yaw_acceleration * step
             yield x, y, yaw
+
+
+def _one_way(robot: Robot, wheels: Wheels, command: Wheels, duration: float):
+    """The parts of a step as (duration, speed, acceleration, yaw rate, yaw acceleration), in [s], [m], [rad].
+
+    A part ends where the robot turns back: one that went there and back would hide how far.
+    """
+    for time, speeds, rates in ramps(robot, wheels, command, duration):
+        speed, yaw_rate = robot.twist(*speeds)
+        acceleration, yaw_acceleration = robot.twist(*rates)
+        if speed * acceleration < 0.0 and -speed / acceleration < time:
+            until = -speed / acceleration
+            yield until, speed, acceleration, yaw_rate, yaw_acceleration
+            time, speed, yaw_rate = time - until, 0.0, yaw_rate + yaw_acceleration * until
+        yield time, speed, acceleration, yaw_rate, yaw_acceleration

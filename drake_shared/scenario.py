@@ -1,6 +1,7 @@
 """The world of a task: robot, start, goal, workspace, obstacles and the routes between them."""
 
 import dataclasses
+import json
 import math
 import os
 from collections.abc import Mapping
@@ -8,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from pydrake.common.yaml import yaml_dump, yaml_load_data, yaml_load_typed
 
 from drake_shared.errors import InputError
@@ -189,14 +189,15 @@ def scenario_from_dict(data: Mapping[str, Any], *, source: str | os.PathLike[str
         given["obstacles"] = [
             {"_tag": "!Box" if "length" in item else "!Circle", **item} for item in given.get("obstacles", [])
         ]
-        text = yaml_dump(given)
-    except (TypeError, ValueError, yaml.YAMLError) as error:
+        text = yaml_dump(json.loads(json.dumps(given)))
+    except (TypeError, ValueError) as error:
         raise InputError(source, "", f"cannot be read as a scenario: {error}") from error
     return _read_scenario(text, source=source)
 
 
 def _read_scenario(text: str, *, source: str | os.PathLike[str]) -> Scenario:
     """The scenario that a YAML text describes, checked."""
+    text += "\n"  # No text at all would count as none given.
     try:
         scenario = yaml_load_typed(schema=Scenario, data=text)
     except Exception as error:  # It raises RuntimeError, yaml.YAMLError, TypeError and others.
@@ -208,7 +209,7 @@ def _read_scenario(text: str, *, source: str | os.PathLike[str]) -> Scenario:
 def _field_at_fault(text: str) -> str:
     """The first field that yaml_load_typed cannot take; empty if the fault lies in the whole.
 
-    It does not say itself where it met a wrong type; but as everything has a default, each can be tried alone.
+    It does not say where it met a wrong type; but as everything has a default, each can be tried alone.
     """
     fields: list[str] = []
     tried: Any = Scenario()
@@ -312,7 +313,9 @@ def _check_sizes(scenario: Scenario, source) -> None:
     if steps < 0.5 or abs(steps - round(steps)) > 1e-6:
         raise InputError(source, "duration", "must be a whole number of control periods", scenario.duration)
     if not robot.model_path().is_file():
-        raise InputError(source, "robot.model", "must be an SDF file or one of models/robots", repr(robot.model))
+        raise InputError(
+            source, "robot.model", "must be an SDF file or one of models/robots", repr(robot.model)
+        )
     if not scenario.routes:
         raise InputError(source, "routes", "must name at least one route")
     for field, names in (

@@ -40,6 +40,7 @@ class TrialSettings:
         mode: "shared", "human" (alone) or "agent" (alone).
         seed: Of the simulated operator's noise.
         route: Name of the route that the operator means; for a person, the one instructed. None: unknown.
+        then: Name of the route to which a simulated operator changes at ``behaviour.switch_time``, if any.
         behaviour: Of a simulated operator.
         recording: Shape (n, 2), commands in [rad/s] for :class:`RecordedInput`.
         confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
@@ -49,6 +50,7 @@ class TrialSettings:
     mode: str = "shared"
     seed: int = 0
     route: str | None = None
+    then: str | None = None
     behaviour: Behaviour = dataclasses.field(default_factory=Behaviour)
     recording: np.ndarray | None = None
     confidence_gain: float | None = None
@@ -161,7 +163,8 @@ class RunningTrial:
         own = parts.operator.GetMyMutableContextFromRoot(root)
         if isinstance(parts.operator, SurrogateOperator):
             route = self._route or scenario.routes[0]
-            parts.operator.set_behaviour(own, route=route, behaviour=settings.behaviour)
+            then = None if settings.then is None else scenario.route(settings.then)
+            parts.operator.set_behaviour(own, route=route, then=then, behaviour=settings.behaviour)
         elif isinstance(parts.operator, RecordedInput) and settings.recording is not None:
             parts.operator.set_recording(own, settings.recording)
         self.simulator = Simulator(simulation.diagram, root)
@@ -233,6 +236,7 @@ class RunningTrial:
             "operator": type(operator).__name__,
             "mode": settings.mode,
             "route": settings.route,
+            "then": settings.then,
             "seed": settings.seed,
             "end": settings.end,
             "confidence_gain": gain,

@@ -13,8 +13,8 @@ from drake_shared.errors import InputError
 class TrainingParameters:
     """How a CNMP is built and trained.
 
-    Lengths marked "relative" are in units of the spread of the demonstrations: the root of their mean variance
-    about their mean path, over time and over x and y. So a room of 1 m and one of 50 m are the same to it.
+    Lengths marked "relative" are in units of the spread of the demonstrations: the root of their mean
+    variance about their mean path, over time and over x and y. So a room of 1 m and one of 50 m are the same.
 
     Attributes:
         preset: Name under which files and logs mention it.
@@ -85,7 +85,7 @@ PRESETS = {
         harmonics=0,
         centred=False,
         encoder=(128, 128, 128),
-        decoder=(128, 128, 128),
+        decoder=(128, 128),
         learning_rate=3e-4,
         schedule="constant",
         beta=0.0,
@@ -110,7 +110,7 @@ PRESETS = {
         harmonics=6,
         centred=True,
         encoder=(128, 128, 128),
-        decoder=(128, 128, 128),
+        decoder=(128, 128),
         learning_rate=3e-3,
         schedule="one-cycle",
         beta=0.5,
@@ -120,7 +120,7 @@ PRESETS = {
         sigma_floor=0.01,
         relative_floor=True,
         even_spread=True,
-        distance_gain=1.0,
+        distance_gain=25.0,
         clock="progress",
         restarts=3,
     ),

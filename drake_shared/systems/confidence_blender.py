@@ -81,7 +81,7 @@ class ConfidenceBlender(LeafSystem):
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         weight = self._weight_port.Eval(context).item()
         human = self._human_port.Eval(context)
-        if not math.isfinite(human.sum()):
+        if not all(map(math.isfinite, human.tolist())):
             human = np.zeros(2)
         if weight < 1.0:
             human = weight * human + (1.0 - weight) * self._autonomous_port.Eval(context)

@@ -23,7 +23,7 @@ _OLDEST = 60.0  # An age is logged; a bound keeps it finite before the first sam
 class StickSettings:
     """How displacements of the mouse move the virtual stick. The driver may change them at any time."""
 
-    gain: float = 1 / 300
+    gain: float = 0.003
     """Deflection for one count of the mouse; the stick's range is [-1, 1]."""
     dead_zone: float = 0.05
     """Deflection below which an axis reads 0; from there to 1 it reads 0 to 1."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
@@ -12,7 +11,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_shared.errors import InputError
 from drake_shared.paths import Path
-from drake_shared.scenario import Robot, Route, Scenario
+from drake_shared.scenario import Robot, Route, Scenario, Start
 
 # The longest reaction delay that the memory for poses allows, in [s].
 LONGEST_DELAY = 1.0
@@ -30,6 +29,8 @@ class Behaviour:
         skill: How much of an error in direction and position is corrected; 1 is a good driver, 0 a blind one.
         late_start: Time before the first command, in [s].
         speed_factor: 1 takes the scenario's travel time; 1.3 is 30% faster.
+        switch_time: When the operator changes to the other route in mind, if there is one, in [s].
+        pause_time, pause: When the operator gives nothing for a while, in [s], and for how long, in [s].
     """
 
     delay: float = 0.2
@@ -38,6 +39,9 @@ class Behaviour:
     skill: float = 1.0
     late_start: float = 0.0
     speed_factor: float = 1.0
+    switch_time: float = 0.0
+    pause_time: float = 0.0
+    pause: float = 0.0
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -115,24 +119,36 @@ class SurrogateOperator(LeafSystem):
         self.DeclareStateOutputPort("human_command", self._command_index)
         self.DeclarePeriodicDiscreteUpdateEvent(self._period, 0.0, self._update)
 
-    def set_behaviour(self, context: Context, *, route: Route, behaviour: Behaviour) -> None:
-        """Gives the operator of this Context a route to follow and a way to drive."""
-        context.get_mutable_abstract_parameter(self._route_index).set_value(_RouteInMind(route, self._start))
+    def set_behaviour(
+        self, context: Context, *, route: Route, behaviour: Behaviour, then: Route | None = None
+    ) -> None:
+        """Gives the operator of this Context a route to follow and a way to drive.
+
+        With ``then``, the operator changes to that route at ``behaviour.switch_time``.
+        """
+        minded = _RouteInMind(route, self._start, then)
+        context.get_mutable_abstract_parameter(self._route_index).set_value(minded)
         context.get_mutable_abstract_parameter(self._behaviour_index).set_value(behaviour)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        path: Path = context.get_abstract_parameter(self._route_index).get_value().path
+        minded: _RouteInMind = context.get_abstract_parameter(self._route_index).get_value()
         behaviour: Behaviour = context.get_abstract_parameter(self._behaviour_index).get_value()
+        path = minded.path(context.get_time() >= behaviour.switch_time)
         seen = np.empty(3 * self._memory_length)
         seen[:3] = self._pose_port.Eval(context)
         seen[3:] = context.get_discrete_state(self._seen_index).value()[:-3]
         reached, *noise = context.get_discrete_state(self._mind_index).value().tolist()
 
-        x, y, yaw = self._recall(seen, behaviour.delay)
+        # The command takes effect a period from now, and that is part of the delay.
+        x, y, yaw = self._recall(seen, max(behaviour.delay - self._period, 0.0))
         reached = path.nearest(x, y, between=(reached, reached + self._SEARCH))
         time = context.get_time() - behaviour.late_start
+        paused = time - behaviour.pause_time
+        steers = time >= 0.0 and not 0.0 <= paused < behaviour.pause
+        if paused >= behaviour.pause:
+            time -= behaviour.pause  # What was planned is done later.
         speed, yaw_rate = 0.0, 0.0
-        if time >= 0.0:
+        if steers:
             speed, yaw_rate = self._steer(path, behaviour, time, (x, y, yaw), reached)
         left, right = self._robot.wheel_speeds(speed, yaw_rate)
 
@@ -143,7 +159,7 @@ class SurrogateOperator(LeafSystem):
         ]
         fastest = self._robot.max_wheel_speed
         command = [min(max(a + b, -fastest), fastest) for a, b in zip((left, right), noise, strict=True)]
-        if time < 0.0:
+        if not steers:
             command = [0.0, 0.0]  # Hands off: noise is of hands that steer.
         state.set_value(self._command_index, command)
         state.set_value(self._mind_index, [reached, *noise])
@@ -195,11 +211,14 @@ class SurrogateOperator(LeafSystem):
 
 
 class _RouteInMind:
-    """A route with its curve, which is costly to make and never changes."""
+    """A route with its curve, which is costly to make and never changes; perhaps another one after it."""
 
-    def __init__(self, route: Route, start: Any) -> None:
-        self.name = route.name
-        self.path = route.path(start)
+    def __init__(self, route: Route, start: Start, then: Route | None = None) -> None:
+        self._first = route.path(start)
+        self._second = None if then is None else then.path(start)
+
+    def path(self, switched: bool) -> Path:
+        return self._second if switched and self._second is not None else self._first
 
     def __deepcopy__(self, memo: dict) -> _RouteInMind:
         return self

@@ -1,0 +1,152 @@
+"""Drake's own Meshcat page and websocket, passed on with our script added and nothing let back in."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import contextlib
+import hashlib
+import logging
+import mimetypes
+import random
+import re
+import sys
+
+import aiohttp
+from aiohttp import web
+from pydrake.geometry import Meshcat, MeshcatParams
+
+_SCRIPT = '<script type="module" src="/cockpit/main.js"></script>\n'
+_INLINE = re.compile(r"<script(?![^>]*\bsrc=)[^>]*>(.*?)</script>", re.DOTALL)
+_STUCK_AFTER = 5.0
+
+
+def start_meshcat() -> Meshcat:
+    """Starts Drake's Meshcat where only this computer reaches it, on any free port.
+
+    Its websocket asks nobody who they are, and ends the process on a malformed message. On Linux, where
+    all of 127/8 is this computer, the address is drawn at random as well as the port: a page of another
+    site that tries local ports does not find it.
+    """
+    host = "127.0.0.1"
+    if sys.platform == "linux":
+        host = f"127.{random.randint(1, 254)}.{random.randint(1, 254)}.{random.randint(2, 254)}"
+    logger = logging.getLogger("drake")
+    level = logger.level
+    # It would announce an address that is not the one to open.
+    logger.setLevel(logging.WARNING)
+    try:
+        return Meshcat(MeshcatParams(host=host, port=0))
+    finally:
+        logger.setLevel(level)
+
+
+class MeshcatProxy:
+    """Serves the page and the websocket of a Meshcat.
+
+    Args:
+        url: Of the Meshcat server, as its ``web_url()`` says.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url = url.rstrip("/")
+        self._client: aiohttp.ClientSession | None = None
+
+    def add_routes(self, app: web.Application) -> None:
+        """Adds the page, its parts and its websocket to ``app``."""
+        app.router.add_get("/", self._root)
+        app.router.add_get("/favicon.ico", self._part)
+        app.router.add_get("/cas-v1/{name:[0-9a-f]{64}}", self._part)
+        app.cleanup_ctx.append(self._hold_client)
+
+    async def _hold_client(self, app: web.Application):
+        async with aiohttp.ClientSession() as self._client:
+            yield
+
+    async def _root(self, request: web.Request) -> web.StreamResponse:
+        if request.headers.get("Upgrade", "").lower() == "websocket":
+            return await self._socket(request)
+        assert self._client is not None
+        async with self._client.get(f"{self._url}/") as answer:
+            page = await answer.text()
+        page = page.replace("</body>", f"{_SCRIPT}</body>", 1)
+        policy = _content_security_policy(page, request.host)
+        return web.Response(text=page, content_type="text/html", headers={"Content-Security-Policy": policy})
+
+    async def _part(self, request: web.Request) -> web.StreamResponse:
+        """Parts are named by their content, so that a browser may keep them."""
+        assert self._client is not None
+        async with self._client.get(f"{self._url}{request.path}") as answer:
+            if answer.status != 200:
+                raise web.HTTPNotFound
+            body = await answer.read()
+            name = answer.headers.get("Meshcat-Cas-Filename", request.path)
+        kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
+        kept = "private, max-age=604800, immutable" if request.path.startswith("/cas") else "no-store"
+        return web.Response(body=body, content_type=kind, headers={"Cache-Control": kept})
+
+    async def _socket(self, request: web.Request) -> web.StreamResponse:
+        assert self._client is not None
+        page = web.WebSocketResponse(max_msg_size=65536, compress=False, heartbeat=20.0)
+        await page.prepare(request)
+        async with self._client.ws_connect(
+            self._url.replace("http", "ws", 1), max_msg_size=0, compress=0
+        ) as drake:
+            listener = asyncio.create_task(_swallow(page))
+            try:
+                await _pass_on(drake, page, listener)
+            finally:
+                listener.cancel()
+                with contextlib.suppress(asyncio.CancelledError):
+                    await listener
+        await page.close()
+        return page
+
+
+async def _pass_on(
+    drake: aiohttp.ClientWebSocketResponse, page: web.WebSocketResponse, gone: asyncio.Task
+) -> None:
+    """Sends what Drake says to the page, until either closes or the page takes no more."""
+    while not gone.done():
+        receiving = asyncio.ensure_future(drake.receive())
+        await asyncio.wait({receiving, gone}, return_when=asyncio.FIRST_COMPLETED)
+        if not receiving.done():
+            receiving.cancel()
+            return
+        message = receiving.result()
+        if message.type is not aiohttp.WSMsgType.BINARY:
+            return
+        try:
+            # A frozen page must not make Drake hoard messages; it reloads by itself when it wakes.
+            await asyncio.wait_for(page.send_bytes(message.data), _STUCK_AFTER)
+        except (ConnectionError, TimeoutError):
+            return
+
+
+async def _swallow(page: web.WebSocketResponse) -> None:
+    """Reads what a page says to Drake and drops it: one malformed byte would end the process."""
+    async for _ in page:
+        pass
+
+
+def _content_security_policy(page: str, host: str) -> str:
+    """Our files and Drake's own inline scripts may run, nothing else."""
+    hashes = " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
+        for script in _INLINE.findall(page)
+    )
+    return "; ".join(
+        (
+            "default-src 'none'",
+            # Meshcat decodes compressed meshes in WebAssembly, on workers that it makes from blobs.
+            f"script-src 'self' 'wasm-unsafe-eval' {hashes}",
+            "worker-src blob:",
+            "style-src 'self' 'unsafe-inline'",
+            "img-src 'self' data: blob:",
+            "font-src 'self' data:",
+            f"connect-src 'self' ws://{host} data: blob:",
+            "base-uri 'none'",
+            "form-action 'none'",
+            "frame-ancestors 'none'",
+        )
+    )

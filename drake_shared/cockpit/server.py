@@ -1,0 +1,276 @@
+"""The web server of the page, in a thread of its own beside the simulation."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import itertools
+import json
+import socket
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from drake_shared.cockpit.access import Access, is_loopback
+from drake_shared.cockpit.meshcat_proxy import MeshcatProxy
+from drake_shared.cockpit.messages import (
+    MAX_BYTES,
+    BadMessage,
+    Engage,
+    Message,
+    Move,
+    Release,
+    SetAssist,
+    SetStick,
+    parse,
+)
+from drake_shared.cockpit.seat import LET_GO, LOST, Seat
+from drake_shared.errors import InputError
+
+DEFAULT_PORT = 8080
+MAX_PAGES = 32
+_WATCH_PERIOD = 0.05
+
+
+class CockpitServer:
+    """Serves Meshcat's page with the cockpit on it, and speaks with the pages.
+
+    It runs between ``start`` and ``stop``, or as a context manager. ``publish`` and ``pages`` may be used
+    from any thread and never wait.
+
+    Args:
+        meshcat_url: Of Drake's Meshcat, as its ``web_url()`` says.
+        seat: The driver's seat.
+        host: Address to listen on.
+        port: Port to listen on; 0 for any that is free.
+        token: What opens the page; made at random if None.
+    """
+
+    def __init__(
+        self,
+        *,
+        meshcat_url: str,
+        seat: Seat,
+        host: str = "127.0.0.1",
+        port: int = DEFAULT_PORT,
+        token: str | None = None,
+    ) -> None:
+        self.seat = seat
+        self.host = host
+        self.port = port
+        self._access = Access(host=host, token=token)
+        self._meshcat = MeshcatProxy(meshcat_url)
+        self._pages: dict[int, _Page] = {}
+        self._numbers = itertools.count(1)
+        self._latest: dict[str, str] = {}
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread: threading.Thread | None = None
+        self._closing: asyncio.Event | None = None
+
+    @property
+    def address(self) -> str:
+        """What to open in a browser, key included."""
+        shown = "localhost" if is_loopback(self.host) else self.host
+        if shown in ("0.0.0.0", "::", ""):
+            shown = socket.gethostname()
+        return f"http://{shown}:{self.port}/?k={self._access.token}"
+
+    @property
+    def pages(self) -> int:
+        """How many pages are connected."""
+        return len(self._pages)
+
+    def start(self) -> None:
+        """Listens, and returns as soon as pages are served.
+
+        Raises:
+            InputError: The port is in use, or the address is not one of this computer.
+        """
+        listener = _listen(self.host, self.port)
+        self.port = listener.getsockname()[1]
+        started = threading.Event()
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._serve(listener, started)), name="cockpit", daemon=True
+        )
+        self._thread.start()
+        started.wait()
+        self.seat.listen(lambda: self._in_loop(self._tell_seat))
+
+    def stop(self) -> None:
+        """Closes every page's connection and ends the thread."""
+        if self._thread is not None and self._closing is not None:
+            self._in_loop(self._closing.set)
+            self._thread.join()
+            self._thread = None
+
+    def __enter__(self) -> CockpitServer:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def publish(self, topic: str, content: Mapping[str, Any]) -> None:
+        """Sends the pages what is now true of ``topic``, as JSON; a slow page gets the newest only.
+
+        A page that connects later is told the last of every topic.
+        """
+        text = json.dumps({"type": topic, **content}, allow_nan=False)
+        self._in_loop(self._spread, topic, text)
+
+    def _in_loop(self, function, *args: Any) -> None:
+        if self._loop is not None and not self._loop.is_closed():
+            with contextlib.suppress(RuntimeError):  # Closed this very moment: nobody is left to be told.
+                self._loop.call_soon_threadsafe(function, *args)
+
+    async def _serve(self, listener: socket.socket, started: threading.Event) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._closing = asyncio.Event()
+        app = web.Application(middlewares=[self._access.guard], client_max_size=4096)
+        app.on_response_prepare.append(self._access.add_headers)
+        self._meshcat.add_routes(app)
+        app.router.add_get("/drive", self._drive)
+        app.router.add_static("/cockpit/", Path(__file__).parent / "page")
+        runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=1.0)
+        await runner.setup()
+        await web.SockSite(runner, listener).start()
+        started.set()
+        watch = asyncio.create_task(self._watch())
+        await self._closing.wait()
+        watch.cancel()
+        await asyncio.gather(*(page.close(WSCloseCode.GOING_AWAY, "ended") for page in self._pages.values()))
+        await runner.cleanup()
+
+    async def _watch(self) -> None:
+        """Takes the seat from a driver whose page has fallen silent."""
+        while True:
+            await asyncio.sleep(_WATCH_PERIOD)
+            number = self.seat.expire()
+            if number is not None and number in self._pages:
+                await self._pages[number].close(WSCloseCode.POLICY_VIOLATION, "no sign of life")
+
+    async def _drive(self, request: web.Request) -> web.StreamResponse:
+        if len(self._pages) >= MAX_PAGES:
+            raise web.HTTPServiceUnavailable(text="Too many pages are open.")
+        # The library closes what is beyond its own limit without a word; below that we say why.
+        connection = web.WebSocketResponse(
+            max_msg_size=16 * MAX_BYTES, heartbeat=10.0, timeout=1.0, compress=False
+        )
+        await connection.prepare(request)
+        number = next(self._numbers)
+        page = _Page(connection)
+        self._pages[number] = page
+        for topic, text in self._latest.items():
+            page.tell(topic, text)
+        self._tell_seat()
+        writer = asyncio.create_task(page.write())
+        try:
+            async for message in connection:
+                if message.type is not WSMsgType.TEXT:
+                    await page.close(WSCloseCode.UNSUPPORTED_DATA, "a message must be text")
+                    break
+                if len(message.data) > MAX_BYTES:
+                    await page.close(WSCloseCode.MESSAGE_TOO_BIG, f"a message may have {MAX_BYTES} bytes")
+                    break
+                try:
+                    self._take(number, parse(message.data))
+                except BadMessage as error:
+                    await page.close(WSCloseCode.POLICY_VIOLATION, str(error))
+                    break
+        finally:
+            del self._pages[number]
+            self.seat.leave(number, LOST)
+            writer.cancel()
+        return connection
+
+    def _take(self, number: int, message: Message) -> None:
+        entitled = True
+        match message:
+            case Move():
+                self.seat.move(number, message)
+            case Engage():
+                entitled = self.seat.engage(number)
+            case Release():
+                self.seat.leave(number, LET_GO)
+            case SetStick(stick):
+                entitled = self.seat.set_stick(number, stick)
+            case SetAssist(on):
+                entitled = self.seat.set_assist(number, on)
+        if not entitled:
+            self._tell_seat(refused=number)
+
+    def _tell_seat(self, refused: int | None = None) -> None:
+        """Tells each page whether the seat is its own, taken or free, and the settings in force."""
+        stick = self.seat.latest().stick
+        settings = {
+            "type": "settings",
+            "gain": stick.gain,
+            "dead_zone": stick.dead_zone,
+            "return_time": stick.return_time,
+            "assist": self.seat.assist,
+        }
+        for number, page in self._pages.items():
+            state = "free" if self.seat.holder is None else "taken"
+            if not self.seat.open:
+                state = "none"
+            elif number == self.seat.holder:
+                state = "yours"
+            page.tell("seat", json.dumps({"type": "seat", "state": state, "refused": number == refused}))
+            page.tell("settings", json.dumps(settings))
+
+    def _spread(self, topic: str, text: str) -> None:
+        self._latest[topic] = text
+        for page in self._pages.values():
+            page.tell(topic, text)
+
+
+class _Page:
+    """One page's connection, with the newest of each topic that it has not been sent yet."""
+
+    def __init__(self, connection: web.WebSocketResponse) -> None:
+        self._connection = connection
+        self._unsent: dict[str, str] = {}
+        self._wake = asyncio.Event()
+
+    def tell(self, topic: str, text: str) -> None:
+        self._unsent[topic] = text
+        self._wake.set()
+
+    async def write(self) -> None:
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            while self._unsent:
+                topic = next(iter(self._unsent))
+                try:
+                    await self._connection.send_str(self._unsent.pop(topic))
+                except ConnectionError:
+                    return
+
+    async def close(self, code: int, reason: str) -> None:
+        await self._connection.close(code=code, message=reason.encode()[:120])
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    if not 0 <= port <= 65535:
+        raise InputError("--port", "", "must be from 0 to 65535", port)
+    try:
+        family, *_, address = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM)[0]
+        listener = socket.socket(family, socket.SOCK_STREAM)
+    except OSError as error:
+        raise InputError(f"--host {host}", "", f"must be an address of this computer ({error})") from error
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(64)
+    except OSError as error:
+        listener.close()
+        if error.errno == errno.EADDRINUSE:
+            expected = f"is in use on {host}; choose another with --port"
+            raise InputError(f"port {port}", "", expected) from error
+        raise InputError(f"--host {host}", "", f"must be an address of this computer ({error})") from error
+    return listener

@@ -1,0 +1,52 @@
+"""Demonstrations that a person drives on the page."""
+
+from __future__ import annotations
+
+from drake_shared.cockpit.drive import drive
+from drake_shared.cockpit.server import DEFAULT_PORT
+from drake_shared.demonstrations import Demonstration, Demonstrations
+from drake_shared.errors import RunError
+from drake_shared.scenario import Scenario, clearance_scorer
+from drake_shared.teaching import demonstration_of
+from drake_shared.trial import Trial
+
+
+def teach_by_mouse(
+    scenario: Scenario,
+    *,
+    count: int | None = None,
+    host: str = "127.0.0.1",
+    port: int = DEFAULT_PORT,
+    open_browser: bool = True,
+) -> Demonstrations:
+    """Demonstrations that a person drives without assistance, scored by clearance.
+
+    Trials that miss the goal or touch an obstacle do not count and are driven again. Interrupted, it
+    keeps what there is.
+
+    Args:
+        scenario: The task.
+        count: How many; as many as the scenario has routes if None.
+        host, port, open_browser: See :func:`drake_shared.cockpit.drive.drive`.
+
+    Raises:
+        RunError: It was interrupted before there was any.
+        InputError: The port is in use.
+    """
+    wanted = len(scenario.routes) if count is None else count
+    score = clearance_scorer(scenario)
+    driven: list[Demonstration] = []
+
+    def keep(trial: Trial) -> bool:
+        if trial.status == "reached" and not trial["contact"].any():
+            driven.append(demonstration_of(trial, score=score(trial.positions)))
+        return len(driven) >= wanted
+
+    drive(
+        scenario, assist=False, host=host, port=port, open_browser=open_browser, on_trial=keep
+    )
+    if not driven:
+        raise RunError("no demonstration reached the goal without contact")
+    return Demonstrations(
+        items=tuple(driven), metadata={"scenario": scenario.name, "operator": "MouseInput"}
+    )

@@ -1,0 +1,103 @@
+"""Demonstrations made ready for learning: on one grid of times, with what normalises them."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drake_shared.demonstrations import Demonstration, Demonstrations, sampling_weights
+from drake_shared.errors import InputError
+
+SPACING = 0.1
+"""Of the grid, in [s]; with half of it the human's weight changes by less than 0.005."""
+FEWEST_STEPS, MOST_STEPS = 20, 2_000
+"""Bounds on the grid, for tasks of less than 2 s or more than 200 s: the spacing follows from them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Dataset:
+    """Demonstrations on a grid.
+
+    Attributes:
+        grid: Shape (N,), from 0 to T, in [s].
+        positions: Shape (m, N, 2), in [m].
+        weights: Shape (m,), Pd of Alg. 1, summing to 1.
+        mean_path: Shape (N, 2), the even mean of the demonstrations, in [m].
+        spread: Root of the mean variance about it, over time and over x and y, in [m]; positive.
+        extent: Larger side of the box round all positions, in [m].
+        digest: Names the data: SHA-256 of times, positions and scores.
+    """
+
+    grid: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    mean_path: NDArray[np.float64]
+    spread: float
+    extent: float
+    digest: str
+
+
+def make_dataset(
+    demonstrations: Demonstrations, *, weighted: bool = True, duration: float | None = None
+) -> Dataset:
+    """Resamples demonstrations of any rate and length on one grid.
+
+    Time counts from each demonstration's first point. One that ends before the longest stays where it ended,
+    as a robot does at its goal.
+
+    Args:
+        demonstrations: At least one.
+        weighted: Whether scores, where all have one, decide the weights; else they are even.
+        duration: T, in [s]; default: that of the longest demonstration.
+
+    Raises:
+        InputError: A score is not finite, or ``duration`` is not positive.
+    """
+    longest = max(float(item.times[-1] - item.times[0]) for item in demonstrations)
+    length = longest if duration is None else float(duration)
+    if not (np.isfinite(length) and length > 0.0):
+        raise InputError(demonstrations.source, "duration", "must be positive and finite", length)
+    grid = make_grid(length)
+    positions = np.stack([resample(item, grid) for item in demonstrations])
+    mean_path = positions.mean(axis=0)
+    extent = float(np.ptp(positions.reshape(-1, 2), axis=0).max())
+    spread = float(np.sqrt(np.square(positions - mean_path).mean()))
+    # One demonstration, or equal ones, have no spread: then a fiftieth of the way's extent is near enough to
+    # call two positions the same. Standing still has no extent either, and any length will do.
+    spread = max(spread, 0.02 * extent) or 1e-3
+    scores = demonstrations.scores if weighted else None
+    count = len(demonstrations)
+    weights = np.full(count, 1.0 / count) if scores is None else sampling_weights(scores)
+    return Dataset(
+        grid=grid,
+        positions=positions,
+        weights=weights,
+        mean_path=mean_path,
+        spread=spread,
+        extent=extent,
+        digest=_digest(demonstrations),
+    )
+
+
+def make_grid(duration: float) -> NDArray[np.float64]:
+    """Times from 0 to ``duration`` at about 0.1 s, shape (N,)."""
+    steps = int(np.clip(round(duration / SPACING), FEWEST_STEPS, MOST_STEPS))
+    return np.linspace(0.0, duration, steps + 1)
+
+
+def resample(demonstration: Demonstration, grid: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Its positions at ``grid`` (N,) after its first point, shape (N, 2)."""
+    times = demonstration.times - demonstration.times[0]
+    return np.stack([np.interp(grid, times, demonstration.positions[:, axis]) for axis in (0, 1)], axis=-1)
+
+
+def _digest(demonstrations: Demonstrations) -> str:
+    digest = hashlib.sha256()
+    for item in demonstrations:
+        digest.update(np.ascontiguousarray(item.times).tobytes())
+        digest.update(np.ascontiguousarray(item.positions).tobytes())
+        digest.update(repr(item.score).encode())
+    return digest.hexdigest()

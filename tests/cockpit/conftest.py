@@ -1,0 +1,234 @@
+"""A cockpit that runs in a thread of its own, and a real browser to sit in it."""
+
+from __future__ import annotations
+
+import collections
+import contextlib
+import os
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drake_shared.cockpit import Session, open_session
+from drake_shared.scenario import Circle, Goal, Route, Scenario, Workspace
+from drake_shared.systems.mouse_input import MouseInput
+from drake_shared.trial import Trial
+
+# As root, without a screen, without a graphics card, and without calling home.
+CHROMIUM_ARGUMENTS = (
+    "--no-sandbox --disable-gpu --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
+    "--disable-quic --no-first-run --disable-background-networking --disable-component-update "
+    "--disable-sync"
+).split()
+PATIENCE = 30.0
+
+
+def wait_for(condition: Callable[[], object], what: str, patience: float = PATIENCE):
+    """What ``condition`` returns as soon as it is true."""
+    deadline = time.monotonic() + patience
+    while True:
+        value = condition()
+        if value:
+            return value
+        assert time.monotonic() < deadline, f"waited {patience} s in vain for {what}"
+        time.sleep(0.005)
+
+
+@pytest.fixture(scope="session")
+def until():
+    return wait_for
+
+
+class ProbedMouse(MouseInput):
+    """A MouseInput that remembers when it read what: (time of reading, sample's arrival, command)."""
+
+    def __init__(self, **options):
+        self.readings: collections.deque = collections.deque(maxlen=20_000)
+        super().__init__(**options)
+
+    def _update(self, context, state):
+        super()._update(context, state)
+        now = time.monotonic()
+        command = state.get_vector(self._command).value().copy()
+        self.readings.append((now, self._source.latest().arrival, command))
+
+
+class RunningCockpit:
+    """A session under way in a thread."""
+
+    def __init__(self, scenario: Scenario, learner, record: Path, assist: bool):
+        self.scenario = scenario
+        self.record = record
+        self.trials: list[Trial] = []
+        self.messages: list[str] = []
+        self.mouse: ProbedMouse
+        self.session: Session
+        self._learner = learner
+        self._assist = assist
+        self._interrupted = threading.Event()
+        self._opened = threading.Event()
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="simulation")
+        self._thread.start()
+        self._opened.wait(PATIENCE)
+        if self._failure is not None:
+            self.stop()
+
+    def _run(self):
+        def operator(source):
+            self.mouse = ProbedMouse(robot=self.scenario.robot, source=source)
+            return self.mouse
+
+        try:
+            with open_session(
+                self.scenario,
+                self._learner,
+                operator=operator,
+                assist=self._assist,
+                record=self.record,
+                interrupted=self._interrupted,
+                say=self.messages.append,
+                on_trial=self.trials.append,
+            ) as self.session:
+                self._opened.set()
+                self.session.run()
+        except BaseException as failure:
+            self._failure = failure
+        finally:
+            self._opened.set()
+
+    @property
+    def address(self) -> str:
+        return self.session.server.address
+
+    @property
+    def origin(self) -> str:
+        return self.address.partition("/?")[0]
+
+    @property
+    def seat(self):
+        return self.session.server.seat
+
+    @property
+    def command(self) -> np.ndarray:
+        return self.mouse.readings[-1][2] if self.mouse.readings else np.zeros(2)
+
+    def next_trial(self, number: int = 1, patience: float = PATIENCE) -> Trial:
+        """The trial of that number, once it is over."""
+        wait_for(lambda: len(self.trials) >= number, f"the end of trial {number}", patience)
+        return self.trials[number - 1]
+
+    def wait_for_time(self, seconds: float):
+        """Waits until the mouse has been read for as long, in simulated time, in this trial."""
+        wait_for(lambda: len(self.mouse.readings) * 0.005 >= seconds, f"{seconds} s of driving")
+
+    def interrupt(self):
+        self._interrupted.set()
+
+    def stop(self):
+        self._interrupted.set()
+        self._thread.join(PATIENCE)
+        assert not self._thread.is_alive(), "the session does not end"
+        if self._failure is not None:
+            raise self._failure
+
+
+@pytest.fixture
+def short_floor() -> Scenario:
+    """A metre straight ahead, with a pillar at the side."""
+    return Scenario(
+        name="short_floor",
+        goal=Goal(x=1.0, y=0.0),
+        workspace=Workspace(x_min=-0.5, x_max=1.5, y_min=-0.8, y_max=0.8),
+        obstacles=[Circle(name="pillar", x=0.6, y=0.6, radius=0.1)],
+        routes=[
+            Route(name="straight", waypoints=[[0.0, 0.0], [1.0, 0.0]], sides={"pillar": "right"}),
+            Route(name="bent", waypoints=[[0.0, 0.0], [0.5, -0.2], [1.0, 0.0]], sides={"pillar": "right"}),
+        ],
+        travel_time=2.0,
+    )
+
+
+@pytest.fixture
+def start_cockpit(tmp_path) -> Iterator[Callable[..., RunningCockpit]]:
+    with contextlib.ExitStack() as stack:
+
+        def start(scenario: Scenario, learner=None, *, assist: bool = True) -> RunningCockpit:
+            cockpit = RunningCockpit(scenario, learner, tmp_path / "logs", assist)
+            stack.callback(cockpit.stop)
+            return cockpit
+
+        yield start
+
+
+@pytest.fixture
+def cockpit(start_cockpit, short_floor, route_learner) -> RunningCockpit:
+    return start_cockpit(short_floor, route_learner(short_floor))
+
+
+def find_chromium() -> str | None:
+    given = os.environ.get("DRAKE_SHARED_CHROMIUM")
+    if given is not None:
+        return given or None
+    return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+@pytest.fixture(scope="session")
+def browser():
+    path = find_chromium()
+    if path is None:
+        reason = "no Chromium: install it or set DRAKE_SHARED_CHROMIUM"
+        if os.environ.get("CI"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=CHROMIUM_ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def browser_context(browser):
+    # A small window: without a graphics card a large one takes a third of a second to draw.
+    context = browser.new_context(viewport={"width": 640, "height": 480})
+    context.set_default_timeout(1000 * PATIENCE)
+    yield context
+    context.close()
+
+
+@pytest.fixture
+def client():
+    """Runs a coroutine that is given an aiohttp session, in a thread: Playwright keeps this one's loop."""
+    import asyncio
+
+    import aiohttp
+
+    def run(talk):
+        async def main():
+            async with aiohttp.ClientSession() as http:
+                return await asyncio.wait_for(talk(http), PATIENCE)
+
+        result: list = []
+
+        def work():
+            try:
+                result.append((asyncio.run(main()), None))
+            except BaseException as error:
+                result.append((None, error))
+
+        thread = threading.Thread(target=work)
+        thread.start()
+        thread.join()
+        value, error = result[0]
+        if error is not None:
+            raise error
+        return value
+
+    return run

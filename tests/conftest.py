@@ -1,0 +1,98 @@
+"""What several tests need: scenarios, a learner without training, and a step of a discrete system."""
+
+import copy
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import Context, LeafSystem
+
+from drake_shared.scenario import Goal, Route, Scenario, Workspace, load_scenario
+from drake_shared.trial import Simulation, Trial, TrialSettings
+
+
+class FakeLearner:
+    """Expects the way of one route at an even pace, with a variance that it is told.
+
+    Args:
+        route: Positions (N, 2) expected on the grid, in [m].
+        variance: In [m^2]; a number, or anything that spreads over the grid (N, 2).
+        clock: "time" or "progress".
+    """
+
+    name = "fake"
+    preset = "test"
+
+    def __init__(
+        self, route: np.ndarray, *, period: float = 0.1, variance=0.01, gain: float = 40.0, clock="time"
+    ):
+        self.grid = np.arange(len(route)) * period
+        self.duration = float(self.grid[-1])
+        self.confidence_gain = gain
+        self.demonstrations = np.asarray(route, dtype=float)[None]
+        self.metadata = {"clock": clock, "id": "fake"}
+        self.calls: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self._variance = np.broadcast_to(variance, (len(route), 2))
+
+    def predict(self, times, positions, query_times):
+        self.calls.append((times.copy(), positions.copy(), query_times.copy()))
+        index = np.searchsorted(self.grid, np.asarray(query_times) - 1e-9)
+        return self.demonstrations[0][index].copy(), self._variance[index].copy()
+
+
+@pytest.fixture(scope="session")
+def fake_learner() -> type[FakeLearner]:
+    return FakeLearner
+
+
+@pytest.fixture(scope="session")
+def _two_obstacles() -> Scenario:
+    return load_scenario("two_obstacles")
+
+
+@pytest.fixture
+def scenario(_two_obstacles) -> Scenario:
+    """The two-obstacle task, to be changed at will."""
+    return copy.deepcopy(_two_obstacles)
+
+
+@pytest.fixture
+def open_floor() -> Scenario:
+    """Four metres straight ahead with nothing in the way."""
+    return Scenario(
+        name="open_floor",
+        goal=Goal(x=4.0, y=0.0),
+        workspace=Workspace(x_min=-1.0, x_max=5.0, y_min=-2.0, y_max=2.0),
+        routes=[Route(name="straight", waypoints=[[0.0, 0.0], [4.0, 0.0]])],
+    )
+
+
+@pytest.fixture(scope="session")
+def route_learner() -> Callable[..., FakeLearner]:
+    """A fake learner of one route of a scenario, driven in the scenario's travel time."""
+
+    def make(scenario: Scenario, route: str | None = None, **options) -> FakeLearner:
+        path = (scenario.routes[0] if route is None else scenario.route(route)).path(scenario.start)
+        grid = np.arange(round(scenario.duration / 0.1) + 1) * 0.1
+        share = np.clip(grid / scenario.travel_time, 0.0, 1.0)
+        return FakeLearner(path.position(path.length * share), **options)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def step() -> Callable[[LeafSystem, Context], None]:
+    """Applies the periodic update of a discrete system to its Context."""
+
+    def apply(system: LeafSystem, context: Context) -> None:
+        update = system.EvalUniquePeriodicDiscreteUpdate(context)
+        context.get_mutable_discrete_state().SetFrom(update)
+
+    return apply
+
+
+@pytest.fixture(scope="session")
+def human_trial(_two_obstacles) -> Iterator[Trial]:
+    """The surrogate operator alone on the first route of the two-obstacle task."""
+    simulation = Simulation(_two_obstacles)
+    return simulation.run(TrialSettings(mode="human", route="left_right", seed=5))

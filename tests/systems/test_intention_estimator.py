@@ -1,0 +1,287 @@
+"""IntentionEstimator with a learner that says what it is told to: eq. (1), clocks, evidence, laziness."""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from drake_shared.scenario import Robot
+from drake_shared.systems.intention_estimator import IntentionEstimator
+from drake_shared.trial import Simulation, TrialSettings
+
+GRID = np.arange(0.0, 10.05, 0.1)
+# Straight on at 0.5 m/s.
+WAY = np.stack([0.5 * GRID, np.zeros_like(GRID)], axis=-1)
+
+
+class Bench:
+    """One IntentionEstimator and its Context."""
+
+    def __init__(self, learner, **options):
+        self.dut = IntentionEstimator(learner=learner, **options)
+        self.context = self.dut.CreateDefaultContext()
+        self.at(0.0, 0.0)
+
+    def at(self, x: float, y: float, yaw: float = 0.0, *, time: float | None = None) -> "Bench":
+        self.dut.GetInputPort("pose").FixValue(self.context, [x, y, yaw])
+        if time is not None:
+            self.context.SetTime(time)
+        return self
+
+    def told(self, *command: float) -> "Bench":
+        self.dut.GetInputPort("human_command").FixValue(self.context, command)
+        return self
+
+    def step(self) -> "Bench":
+        update = self.dut.EvalUniquePeriodicDiscreteUpdate(self.context)
+        self.context.get_mutable_discrete_state().SetFrom(update)
+        return self
+
+    def eval(self, port: str):
+        return self.dut.GetOutputPort(port).Eval(self.context)
+
+    @property
+    def intention(self):
+        return self.eval("intention")
+
+    @property
+    def confidence(self) -> float:
+        return self.eval("confidence").item()
+
+    @property
+    def mean_variance(self) -> float:
+        return self.eval("mean_variance").item()
+
+    @property
+    def influence(self) -> list[float]:
+        return self.eval("influence").tolist()
+
+
+def test_equation_1_by_hand(fake_learner):
+    # Four points: at t = 1 two are to come, with variances of 0.1 and 0.3 in x, 0.2 and 0.6 in y.
+    variance = np.array([[9.0, 9.0], [9.0, 9.0], [0.1, 0.2], [0.3, 0.6]])
+    bench = Bench(fake_learner(WAY[:4], period=1.0, variance=variance, gain=5.0)).at(0, 0, time=1.0)
+    assert bench.mean_variance == pytest.approx(0.3)
+    assert bench.confidence == pytest.approx(1 / (5.0 * 0.3))
+
+
+def test_confidence_is_1_where_the_variance_is_small(fake_learner):
+    bench = Bench(fake_learner(WAY, variance=1e-3, gain=40.0))
+    assert bench.mean_variance == pytest.approx(1e-3)
+    assert bench.confidence == 1.0
+
+
+def test_at_the_end_the_last_query_alone_counts(fake_learner):
+    variance = np.array([[9.0, 9.0], [9.0, 9.0], [9.0, 9.0], [0.3, 0.6]])
+    bench = Bench(fake_learner(WAY[:4], period=1.0, variance=variance))
+    for time in (2.5, 3.0, 7.0):
+        bench.at(0, 0, time=time)
+        assert bench.mean_variance == pytest.approx(0.45)
+        assert bench.intention.first == 3
+        assert bench.intention.time == min(time, 3.0)
+
+
+def test_k_is_a_parameter_of_the_context(fake_learner):
+    learner = fake_learner(WAY, variance=0.1, gain=40.0)
+    bench = Bench(learner)
+    other = bench.dut.CreateDefaultContext()
+    bench.dut.set_learner(bench.context, learner, 80.0)
+    bench.dut.GetInputPort("pose").FixValue(other, [0, 0, 0])
+    assert bench.confidence == pytest.approx(1 / 8)
+    assert bench.dut.GetOutputPort("confidence").Eval(other) == pytest.approx(1 / 4)
+
+
+def test_the_learner_is_a_parameter_of_the_context(fake_learner):
+    bench = Bench(fake_learner(WAY, variance=0.1))
+    other = bench.dut.CreateDefaultContext()
+    bench.dut.set_learner(other, fake_learner(WAY + [0.0, 1.0], variance=0.2, gain=10.0))
+    bench.dut.GetInputPort("pose").FixValue(other, [0, 0, 0])
+    assert bench.mean_variance == pytest.approx(0.1)
+    assert bench.dut.GetOutputPort("mean_variance").Eval(other) == pytest.approx(0.2)
+    assert bench.dut.GetOutputPort("confidence").Eval(other) == pytest.approx(0.5)
+    assert bench.dut.GetOutputPort("intention").Eval(other.Clone()).mean[-1].tolist() == [5.0, 1.0]
+
+
+def test_says_nan_where_the_learner_does(fake_learner):
+    bench = Bench(fake_learner(WAY, variance=math.nan))
+    assert math.isnan(bench.confidence)
+    assert math.isnan(bench.mean_variance)
+
+
+def test_entries_at_or_before_now_are_nan_and_the_later_ones_are_the_learners(fake_learner):
+    intention = Bench(fake_learner(WAY, variance=0.1)).at(1.0, 0.0, time=2.0).intention
+    assert intention.time == 2.0
+    assert intention.first == 21
+    assert intention.times.shape == GRID.shape
+    assert intention.mean.shape == intention.variance.shape == WAY.shape
+    assert np.isnan(intention.mean[:21]).all()
+    assert np.isnan(intention.variance[:21]).all()
+    np.testing.assert_array_equal(intention.mean[21:], WAY[21:])
+    np.testing.assert_array_equal(intention.variance[21:], 0.1)
+
+
+def test_times_counted_in_steps_are_not_taken_for_later_ones(fake_learner):
+    bench = Bench(fake_learner(WAY))
+    for step in range(201):
+        intention = bench.at(0, 0, time=step * 0.05).intention
+        assert intention.times[intention.first] > step * 0.05 + 1e-6 or intention.first == 100
+
+
+def test_shows_the_learner_where_the_robot_is_now_and_asks_for_what_is_to_come(fake_learner):
+    learner = fake_learner(WAY)
+    Bench(learner).at(1.2, 0.3, time=2.05).eval("intention")
+    ((times, positions, queries),) = learner.calls
+    np.testing.assert_array_equal(times, [2.05])
+    np.testing.assert_array_equal(positions, [[1.2, 0.3]])
+    np.testing.assert_array_equal(queries, GRID[21:])
+
+
+def test_all_outputs_come_from_one_prediction(fake_learner):
+    learner = fake_learner(WAY)
+    bench = Bench(learner)
+    for _ in range(3):
+        for port in ("intention", "confidence", "mean_variance", "influence"):
+            bench.eval(port)
+    assert len(learner.calls) == 1
+    bench.at(0.1, 0.0).eval("intention")
+    assert len(learner.calls) == 2
+    bench.at(0.1, 0.0, time=0.05).eval("confidence")
+    assert len(learner.calls) == 3
+
+
+@pytest.mark.parametrize("clock", ["time", "progress"])
+def test_one_prediction_a_step_in_a_trial(open_floor, route_learner, clock):
+    learner = route_learner(open_floor, clock=clock)
+    trial = Simulation(open_floor, learner=learner).run(TrialSettings(end="duration"))
+    assert len(trial["t"]) == open_floor.steps + 1
+    assert open_floor.steps <= len(learner.calls) <= open_floor.steps + 1
+
+
+def test_what_was_given_out_does_not_change_under_its_readers(fake_learner):
+    bench = Bench(fake_learner(WAY)).at(0, 0, time=1.0)
+    kept = bench.intention
+    mean = kept.mean.copy()
+    bench.step().at(3.0, 1.0, time=6.0).eval("intention")
+    np.testing.assert_array_equal(kept.mean, mean)
+
+
+def test_on_the_clock_now_is_the_time(fake_learner):
+    bench = Bench(fake_learner(WAY, clock="time"))
+    for time in (0.0, 1.05, 9.0):
+        assert bench.at(4.0, 0.0, time=time).intention.time == time
+
+
+def test_by_progress_now_is_the_time_of_the_place_that_was_reached(fake_learner):
+    bench = Bench(fake_learner(WAY, clock="progress"))
+    assert bench.at(0.4, 0.0, time=7.0).intention.time == pytest.approx(0.8, abs=0.1)
+    bench.step()
+    assert bench.at(0.8, 0.0, time=7.05).intention.time == pytest.approx(1.6, abs=0.1)
+
+
+def test_by_progress_a_late_starter_is_at_the_start(fake_learner):
+    bench = Bench(fake_learner(WAY, clock="progress"))
+    for count in range(60):
+        assert bench.at(0.0, 0.0, time=0.05 * count).intention.time == pytest.approx(0.0, abs=0.11)
+        bench.step()
+
+
+def test_progress_does_not_run_back(fake_learner):
+    bench = Bench(fake_learner(WAY, clock="progress")).at(0.5, 0.0).step()
+    reached = bench.intention.time
+    assert bench.at(0.1, 0.0).intention.time == reached
+
+
+def test_progress_belongs_to_the_context(fake_learner):
+    bench = Bench(fake_learner(WAY, clock="progress")).at(0.5, 0.0).step()
+    fresh = bench.dut.CreateDefaultContext()
+    bench.dut.GetInputPort("pose").FixValue(fresh, [0.0, 0.0, 0.0])
+    assert bench.dut.GetOutputPort("intention").Eval(fresh).time < 0.2 < bench.intention.time
+
+
+def test_pulls_nothing_and_holds_no_stale_estimate_in_a_diagram_of_its_own(fake_learner):
+    learner = fake_learner(WAY)
+    builder = DiagramBuilder()
+    dut = builder.AddSystem(IntentionEstimator(learner=learner, period=0.05))
+    pose = builder.AddSystem(ConstantVectorSource([1.0, 0.0, 0.0]))
+    builder.Connect(pose.get_output_port(), dut.GetInputPort("pose"))
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(1.0)
+    context = dut.GetMyContextFromRoot(simulator.get_context())
+    assert dut.GetOutputPort("intention").Eval(context).time == pytest.approx(1.0)
+    assert len(learner.calls) <= 21
+
+
+class Pointing:
+    """Knows two ways, straight on and to the left, and says that of the last observation."""
+
+    name, preset, confidence_gain, demonstrations = "pointing", "test", 10.0, None
+    grid, duration = GRID, 10.0
+
+    def __init__(self, evidence: str | None = "pose+command"):
+        self.metadata = {"clock": "time", "evidence": evidence}
+        self.shown: list[np.ndarray] = []
+
+    def predict(self, times, positions, query_times):
+        self.shown.append(positions.copy())
+        ahead = np.column_stack([query_times, np.full_like(query_times, positions[-1, 1])])
+        return ahead, np.full_like(ahead, 0.05)
+
+
+def test_a_command_is_evidence_for_learners_that_heed_it():
+    plain, heeding = Bench(Pointing(None)).told(3.0, 5.0), Bench(Pointing()).told(3.0, 5.0)
+    assert plain.intention.mean[-1, 1] == 0.0
+    assert heeding.intention.mean[-1, 1] > 0.0
+
+
+def test_a_command_points_to_where_it_leads():
+    learner = Pointing()
+    robot = Robot()
+    wheels = robot.wheel_speeds(0.5, 1.0)
+    Bench(learner, robot=robot, reach=0.8).at(1.0, 2.0, 0.3).told(*wheels).eval("intention")
+    pointed = learner.shown[-1]
+    np.testing.assert_array_equal(pointed[0], [1.0, 2.0])
+    radius = 0.5
+    np.testing.assert_allclose(
+        pointed[1],
+        [1.0 + radius * (math.sin(1.1) - math.sin(0.3)), 2.0 - radius * (math.cos(1.1) - math.cos(0.3))],
+    )
+
+
+def test_to_point_elsewhere_raises_the_variance_by_the_squared_distance_of_both_means():
+    bench = Bench(Pointing()).told(3.0, 5.0)
+    shift = bench.intention.mean[-1, 1]
+    np.testing.assert_allclose(bench.intention.variance[1:, 0], 0.05)
+    np.testing.assert_allclose(bench.intention.variance[1:, 1], 0.05 + shift**2)
+    assert bench.influence[1] == pytest.approx(shift)
+
+
+@pytest.mark.parametrize("command", [(0.0, 0.0), (-2.0, 2.0), (0.1, 0.1), (math.nan, 1.0), (math.inf, 1.0)])
+def test_a_command_that_leads_nowhere_says_nothing(command):
+    learner = Pointing()
+    bench = Bench(learner).told(*command)
+    bench.eval("intention")
+    assert len(learner.shown) == 1
+    assert bench.influence[1] == 0.0
+
+
+def test_without_a_command_the_pose_alone_speaks():
+    learner = Pointing()
+    assert Bench(learner).intention.mean[-1, 1] == 0.0
+    assert len(learner.shown) == 1
+
+
+def test_influence_of_the_pose_is_how_far_it_moved_the_way_expected():
+    bench = Bench(Pointing(None)).at(0.0, 0.0)
+    assert bench.influence == [0.0, 0.0]
+    bench.step().at(0.0, 0.3, time=0.05)
+    assert bench.influence == pytest.approx([0.3, 0.0])
+    bench.step()
+    assert bench.influence == pytest.approx([0.0, 0.0])
+
+
+def test_influence_is_finite_whatever_the_learner_says(fake_learner):
+    bench = Bench(fake_learner(np.full_like(WAY, math.nan), variance=math.nan)).step()
+    assert bench.influence == [0.0, 0.0]

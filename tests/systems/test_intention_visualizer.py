@@ -1,0 +1,120 @@
+"""IntentionVisualizer, with a stand-in for Meshcat that notes what it is told."""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.common.value import Value
+
+from drake_shared.motion import motion
+from drake_shared.scenario import Robot
+from drake_shared.systems.intention_estimator import NOTHING_YET, Intention
+from drake_shared.systems.intention_visualizer import IntentionVisualizer
+
+ROBOT = Robot()
+
+
+class FakeMeshcat:
+    def __init__(self):
+        self.objects, self.places, self.properties = {}, {}, {}
+
+    def SetObject(self, path, shape, rgba):
+        self.objects[path] = shape
+
+    def SetTransform(self, path, X, time=None):
+        self.places[path] = X.translation()
+
+    def SetProperty(self, path, name, value, time=None):
+        self.properties[path, name] = value
+
+    def visible(self, path: str) -> bool:
+        return self.properties.get((path, "visible"), True)
+
+
+def expecting(variance=0.04, first: int = 1) -> Intention:
+    times = np.arange(0.0, 15.05, 0.1)
+    mean = np.stack([0.3 * times, 0.1 * times], axis=-1)
+    mean[:first] = math.nan
+    spread = np.broadcast_to(variance, mean.shape).astype(float)
+    return Intention(time=times[first - 1], times=times, mean=mean, variance=spread, first=first)
+
+
+class Bench:
+    def __init__(self):
+        self.meshcat = FakeMeshcat()
+        self.dut = IntentionVisualizer(meshcat=self.meshcat, robot=ROBOT)
+        self.context = self.dut.CreateDefaultContext()
+        self.draw()
+
+    def draw(self, **values) -> FakeMeshcat:
+        shown = {
+            "pose": [0.0, 0.0, 0.0],
+            "intention": Value(NOTHING_YET),
+            "human_weight": [1.0],
+            "human_command": [0.0, 0.0],
+            "autonomous_command": [0.0, 0.0],
+            "shared_command": [0.0, 0.0],
+        } | values
+        for name, value in shown.items():
+            self.dut.GetInputPort(name).FixValue(self.context, value)
+        self.dut.ForcedPublish(self.context)
+        return self.meshcat
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_makes_all_objects_at_the_start_and_then_only_moves_them(bench):
+    made = dict(bench.meshcat.objects)
+    for first in (1, 40, 150):
+        bench.draw(intention=Value(expecting(first=first)), pose=[1.0, 0.0, 0.3], human_weight=[0.4])
+    assert bench.meshcat.objects == made
+
+
+def test_dots_lie_on_the_path_expected_from_now_to_the_end(bench):
+    meshcat = bench.draw(intention=Value(expecting(first=31)))
+    dots = np.array([place for path, place in meshcat.places.items() if path.startswith("intention/mean/")])
+    np.testing.assert_allclose(dots[:, 1], dots[:, 0] / 3, atol=1e-12)
+    assert dots[:, 0].min() == pytest.approx(0.93)
+    assert dots[:, 0].max() == pytest.approx(4.5)
+
+
+def test_the_spread_is_drawn_by_its_standard_deviations(bench):
+    meshcat = bench.draw(intention=Value(expecting(variance=[0.04, 0.09])))
+    assert meshcat.properties["intention/spread/3", "scale"] == pytest.approx([0.2, 0.3, 1.0])
+    np.testing.assert_allclose(
+        meshcat.places["intention/spread/3"][:2], meshcat.places["intention/mean/3"][:2]
+    )
+
+
+def test_where_nothing_is_expected_nothing_is_shown(bench):
+    assert not bench.meshcat.visible("intention/mean/0")
+    assert not bench.meshcat.visible("intention/spread/35")
+    assert bench.draw(intention=Value(expecting())).visible("intention/mean/0")
+    assert not bench.draw(intention=Value(expecting(variance=math.nan))).visible("intention/mean/0")
+
+
+@pytest.mark.parametrize("weight", [1.0, 0.25, 0.0])
+def test_the_humans_share_of_the_disc_is_the_share_of_control(bench, weight):
+    meshcat = bench.draw(human_weight=[weight], pose=[1.0, 2.0, 0.5])
+    x, y, _ = meshcat.properties["intention/halo/human", "scale"]
+    assert x * y == pytest.approx(weight, abs=1e-5)
+    np.testing.assert_allclose(meshcat.places["intention/halo"][:2], [1.0, 2.0])
+
+
+@pytest.mark.parametrize("name", ["human", "autonomous", "shared"])
+@pytest.mark.parametrize("wheels", [(4.0, 6.0), (5.0, 5.0), (-2.0, 2.0)])
+def test_each_command_is_the_arc_on_which_it_leads_in_the_next_second(bench, name, wheels):
+    pose = (1.0, -1.0, 2.0)
+    meshcat = bench.draw(pose=pose, **{f"{name}_command": wheels})
+    for index in range(5):
+        *_, (x, y, _) = motion(ROBOT, pose, wheels, wheels, 0.2 * (index + 1))
+        np.testing.assert_allclose(meshcat.places[f"intention/{name}/{index}"][:2], [x, y], atol=1e-12)
+
+
+def test_a_command_that_is_no_number_is_hidden_until_it_is_one_again(bench):
+    assert not bench.draw(autonomous_command=[math.nan, math.nan]).visible("intention/autonomous")
+    assert bench.meshcat.visible("intention/human")
+    assert bench.draw(autonomous_command=[1.0, 1.0]).visible("intention/autonomous")

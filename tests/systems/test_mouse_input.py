@@ -1,0 +1,232 @@
+"""MouseInput in Drake's form: a source and a clock of our own, updates one by one, facts about them."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from drake_shared.scenario import Robot
+from drake_shared.systems.mouse_input import MouseInput, MouseSample, StickSettings
+
+PERIOD = 0.005
+
+
+class FakeDriver:
+    """A source whose newest sample, and a clock whose time, the test sets."""
+
+    def __init__(self, **sample):
+        self.now = 100.0
+        self.sample = MouseSample(arrival=self.now, **sample)
+
+    def latest(self) -> MouseSample:
+        return self.sample
+
+    def clock(self) -> float:
+        return self.now
+
+    def set(self, **changes) -> None:
+        self.sample = dataclasses.replace(self.sample, arrival=self.now, **changes)
+
+
+class Bench:
+    """One MouseInput and its Context."""
+
+    def __init__(self, driver: FakeDriver, **options):
+        self.driver = driver
+        self.robot = Robot()
+        self.dut = MouseInput(robot=self.robot, source=driver, clock=driver.clock, **options)
+        self.context = self.dut.CreateDefaultContext()
+
+    def step(self, count: int = 1, **changes) -> "Bench":
+        if changes:
+            self.driver.set(**changes)
+        for _ in range(count):
+            update = self.dut.EvalUniquePeriodicDiscreteUpdate(self.context)
+            self.context.get_mutable_discrete_state().SetFrom(update)
+        return self
+
+    @property
+    def command(self) -> np.ndarray:
+        return self.dut.GetOutputPort("human_command").Eval(self.context).copy()
+
+    @property
+    def twist(self) -> tuple[float, float]:
+        return self.robot.twist(*self.command)
+
+    @property
+    def mouse(self) -> dict[str, float]:
+        names = ("x", "y", "age", "forward", "left", "engaged")
+        return dict(zip(names, self.dut.GetOutputPort("mouse").Eval(self.context), strict=True))
+
+
+@pytest.fixture
+def bench() -> Bench:
+    no_dead_zone = StickSettings(gain=0.01, dead_zone=0.0)
+    return Bench(FakeDriver(engaged=True, engagement=1, stick=no_dead_zone), max_speed=0.8, max_yaw_rate=1.5)
+
+
+def test_away_from_the_driver_is_forward_and_right_is_negative_yaw(bench):
+    bench.step(y=-50)
+    assert bench.twist == pytest.approx((0.4, 0.0))
+    bench.step(x=20)
+    assert bench.twist == pytest.approx((0.4, -0.3))
+
+
+def test_towards_the_driver_is_reverse(bench):
+    bench.step(y=100)
+    assert bench.twist == pytest.approx((-0.8, 0.0))
+
+
+def test_command_is_state_that_answers_one_update_later_and_never_feeds_through(bench):
+    assert not bench.dut.HasAnyDirectFeedthrough()
+    bench.driver.set(y=-50)
+    np.testing.assert_array_equal(bench.command, [0, 0])
+    bench.step()
+    assert np.all(bench.command > 0)
+
+
+def test_updates_every_period():
+    dut = Bench(FakeDriver(), period=PERIOD).dut
+    timing = dut.GetUniquePeriodicDiscreteUpdateAttribute()
+    assert (timing.period_sec(), timing.offset_sec()) == (PERIOD, 0.0)
+
+
+def test_stick_holds_while_engaged(bench):
+    bench.step(y=-50)
+    held = bench.command
+    for _ in range(40):
+        bench.step(y=-50)
+    np.testing.assert_array_equal(bench.command, held)
+
+
+def test_merged_moves_lose_nothing(bench):
+    one_by_one, merged = bench, Bench(FakeDriver(engaged=True, engagement=1, stick=bench.driver.sample.stick))
+    for count in range(1, 31):
+        one_by_one.step(y=-count, x=2 * count)
+    merged.step(y=-30, x=60)
+    np.testing.assert_allclose(one_by_one.command, merged.command, atol=1e-12)
+    assert one_by_one.mouse == pytest.approx(merged.mouse)
+
+
+def test_stick_is_clipped_so_that_turning_back_answers_at_once(bench):
+    bench.step(y=-250)
+    assert bench.mouse["forward"] == 1.0
+    bench.step(y=-200)
+    assert bench.mouse["forward"] == pytest.approx(0.5)
+
+
+def test_one_sample_cannot_jump_further_than_the_largest_displacement():
+    stick = StickSettings(gain=0.001, dead_zone=0.0)
+    bench = Bench(FakeDriver(engaged=True, engagement=1, stick=stick), max_displacement=100.0)
+    bench.step(x=5000, y=-90)
+    assert bench.mouse["left"] == pytest.approx(-0.1)
+    assert bench.mouse["forward"] == pytest.approx(0.09)
+    assert bench.mouse["x"] == 5000
+
+
+def test_dead_zone_reads_zero_and_the_rest_reaches_full_deflection():
+    stick = StickSettings(gain=0.01, dead_zone=0.2)
+    bench = Bench(FakeDriver(engaged=True, engagement=1, stick=stick), max_speed=1.0)
+    assert bench.step(y=-20).twist[0] == 0.0
+    assert bench.step(y=-60).twist[0] == pytest.approx(0.5)
+    assert bench.step(y=-100).twist[0] == pytest.approx(1.0)
+    assert bench.step(y=60).twist[0] == pytest.approx(-0.5)
+
+
+def test_return_time_brings_the_stick_from_full_deflection_to_the_centre(bench):
+    bench.step(y=-100, stick=StickSettings(gain=0.01, dead_zone=0.0, return_time=0.4))
+    assert bench.mouse["forward"] == 1.0
+    bench.step(count=40)
+    assert bench.mouse["forward"] == pytest.approx(0.5)
+    bench.step(count=41)
+    assert bench.twist == (0.0, 0.0)
+
+
+def test_settings_change_while_driving(bench):
+    bench.step(y=-10)
+    bench.step(stick=StickSettings(gain=0.02, dead_zone=0.0), y=-20)
+    assert bench.mouse["forward"] == pytest.approx(0.1 + 0.2)
+
+
+def test_keys_and_gamepad_add_to_the_stick(bench):
+    assert bench.step(forward=0.5, turn=1.0).twist == pytest.approx((0.4, 1.5))
+    assert bench.step(y=-25).mouse["forward"] == pytest.approx(0.75)
+    assert bench.step(y=-100).mouse["forward"] == 1.0
+    bench.step(forward=0.0, turn=0.0)
+    assert bench.twist == pytest.approx((0.8, 0.0))
+
+
+def test_wheels_limit_speed_and_yaw_rate_alike():
+    driver = FakeDriver(engaged=True, engagement=1, forward=1.0, turn=1.0)
+    bench = Bench(driver, max_speed=2.0, max_yaw_rate=3.0).step()
+    speed, yaw_rate = bench.twist
+    assert max(abs(bench.command)) == pytest.approx(bench.robot.max_wheel_speed)
+    assert speed / yaw_rate == pytest.approx(2.0 / 3.0)
+
+
+def test_nobody_engaged_is_zero():
+    bench = Bench(FakeDriver(engaged=False, y=-500, forward=1.0)).step(count=5)
+    np.testing.assert_array_equal(bench.command, [0, 0])
+    assert bench.mouse["engaged"] == 0
+
+
+def test_before_any_sample_came_the_age_is_finite():
+    driver = FakeDriver()
+    driver.sample = MouseSample()
+    assert math.isfinite(Bench(driver).step().mouse["age"])
+
+
+def test_letting_go_is_zero_at_the_next_sample_and_centres_the_stick(bench):
+    bench.step(y=-80)
+    bench.step(engaged=False)
+    np.testing.assert_array_equal(bench.command, [0, 0])
+    bench.step(engaged=True)
+    np.testing.assert_array_equal(bench.command, [0, 0])
+
+
+def test_a_sample_older_than_150_ms_is_zero(bench):
+    bench.step(y=-80)
+    bench.driver.now += 0.149
+    assert np.all(bench.step().command > 0)
+    bench.driver.now += 0.002
+    np.testing.assert_array_equal(bench.step().command, [0, 0])
+    assert bench.mouse["age"] == pytest.approx(0.151)
+
+
+def test_after_a_pause_the_stick_is_where_the_hand_has_it(bench):
+    bench.step(y=-80)
+    bench.driver.now += 0.3
+    np.testing.assert_array_equal(bench.step().command, [0, 0])
+    bench.step(y=-30)
+    assert bench.twist == pytest.approx((0.3 * 0.8, 0.0))
+
+
+def test_a_new_engagement_starts_centred_and_counts_from_its_own_zero(bench):
+    bench.step(y=-80)
+    bench.step(engagement=2, x=0, y=0)
+    np.testing.assert_array_equal(bench.command, [0, 0])
+    fresh = Bench(FakeDriver(engaged=True, engagement=7, stick=bench.driver.sample.stick))
+    assert fresh.step(y=-3).mouse["forward"] == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize("field", ["x", "y", "forward", "turn"])
+def test_numbers_that_are_none_do_not_stay(bench, field):
+    bench.step(**{field: math.nan})
+    np.testing.assert_array_equal(bench.command, [0, 0])
+    bench.step(**{field: 0.0})
+    assert bench.step(y=-10).mouse["forward"] == pytest.approx(0.1)
+
+
+def test_a_fresh_context_knows_nothing_of_the_last_trial(bench):
+    bench.step(y=-80)
+    bench.context = bench.dut.CreateDefaultContext()
+    np.testing.assert_array_equal(bench.command, [0, 0])
+    assert bench.mouse["forward"] == 0
+
+
+@pytest.mark.parametrize("name", ["max_speed", "max_yaw_rate", "period", "stale_after", "max_displacement"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_refuses_numbers_that_mean_nothing(name, value):
+    with pytest.raises(ValueError, match=f"{name} must be positive and finite"):
+        Bench(FakeDriver(), **{name: value})

@@ -1,0 +1,263 @@
+"""SurrogateOperator: what it does with what it sees, and whether it gets there."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from pydrake.common import RandomGenerator
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import LogVectorOutput
+
+from drake_shared.errors import InputError
+from drake_shared.metrics import metrics, sides_passed
+from drake_shared.scenario import load_scenario
+from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
+from drake_shared.trial import Simulation, TrialSettings
+
+CALM = Behaviour(noise=0.0)
+PERIOD = 0.05
+
+
+class Source(LeafSystem):
+    """Gives what a function of time says."""
+
+    def __init__(self, size: int, function):
+        super().__init__()
+        self.DeclareVectorOutputPort(
+            "value",
+            size,
+            lambda context, output: output.set_value(function(round(context.get_time(), 6))),
+            {self.time_ticket()},
+        )
+
+
+def commands(scenario, *, pose, behaviour=CALM, route=None, duration=2.0, noise=None) -> np.ndarray:
+    """Commands (n, 2) of an operator who sees ``pose(time)``, one row a period, as a log has them."""
+    builder = DiagramBuilder()
+    dut = builder.AddSystem(SurrogateOperator(scenario=scenario))
+    for name, size, function in (("pose", 3, pose), ("noise", 2, noise or (lambda time: [0.0, 0.0]))):
+        source = builder.AddSystem(Source(size, function))
+        builder.Connect(source.get_output_port(), dut.GetInputPort(name))
+    sink = LogVectorOutput(dut.get_output_port(), builder, PERIOD)
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    route = scenario.routes[0] if route is None else scenario.route(route)
+    dut.set_behaviour(dut.GetMyMutableContextFromRoot(simulator.get_mutable_context()), route=route, behaviour=behaviour)
+    simulator.AdvanceTo(duration)
+    return sink.FindLog(simulator.get_context()).data().T.copy()
+
+
+def still(time: float) -> list[float]:
+    return [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.1, 0.2, 0.35, 1.0])
+def test_a_step_of_the_pose_is_answered_exactly_a_delay_later(open_floor, delay):
+    behaviour = dataclasses.replace(CALM, delay=delay)
+    seen = commands(open_floor, pose=still, behaviour=behaviour)
+    pushed = commands(
+        open_floor, pose=lambda time: [0.0, 0.2 if time >= 0.5 else 0.0, 0.0], behaviour=behaviour
+    )
+    first = np.flatnonzero(np.abs(pushed - seen).sum(axis=1) > 1e-9)[0]
+    assert first * PERIOD == pytest.approx(0.5 + delay)
+
+
+def test_a_delay_between_two_periods_is_answered_in_part_at_the_first(open_floor):
+    answers = []
+    for delay in (0.10, 0.125, 0.15):
+        behaviour = dataclasses.replace(CALM, delay=delay)
+        pushed = commands(
+            open_floor, pose=lambda time: [0.0, 0.0, 0.4 if time >= 0.5 else 0.0], behaviour=behaviour
+        )
+        answers.append(np.diff(pushed[round(0.6 / PERIOD)]).item())
+    assert answers[0] < answers[1] < answers[2]
+
+
+def test_no_delay_is_one_period_for_the_command_is_state(open_floor):
+    dut = SurrogateOperator(scenario=open_floor)
+    assert not dut.HasAnyDirectFeedthrough()
+    behaviour = dataclasses.replace(CALM, delay=0.0)
+    pushed = commands(open_floor, pose=lambda time: [0, 0, 0.3 if time >= 0.5 else 0.0], behaviour=behaviour)
+    assert np.flatnonzero(pushed[:, 0] != pushed[:, 1])[0] == round(0.55 / PERIOD)
+
+
+@pytest.mark.parametrize(
+    ("pose", "turn"), [([1, 0.3, 0], -1), ([1, -0.3, 0], 1), ([1, 0, 0.3], -1), ([1, 0, -0.3], 1)]
+)
+def test_steers_back_to_the_route(open_floor, pose, turn):
+    left, right = commands(open_floor, pose=lambda time: pose, duration=3.0)[-1]
+    assert np.sign(right - left) == turn
+
+
+def test_skill_is_how_much_of_an_error_is_corrected(open_floor):
+    def turn(skill: float) -> float:
+        behaviour = dataclasses.replace(CALM, skill=skill)
+        return np.diff(commands(open_floor, pose=lambda time: [1, 0.1, 0.1], behaviour=behaviour)[-1]).item()
+
+    assert turn(1.0) != 0
+    assert turn(0.5) == pytest.approx(0.5 * turn(1.0))
+    assert turn(0.0) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_blind_operator_fails_where_a_good_one_does_not(scenario):
+    simulation = Simulation(scenario)
+
+    def successes(skill: float) -> int:
+        behaviour = Behaviour(skill=skill, noise=0.5)
+        settings = [
+            TrialSettings(mode="human", route="right_left", seed=seed, behaviour=behaviour)
+            for seed in range(5)
+        ]
+        return sum(metrics(simulation.run(item))["success"] for item in settings)
+
+    assert successes(1.0) == 5
+    assert successes(0.0) <= 1
+
+
+def test_a_late_starter_keeps_the_hands_off_until_then(open_floor):
+    behaviour = Behaviour(noise=2.0, late_start=1.0)
+    driven = commands(open_floor, pose=still, behaviour=behaviour, noise=lambda time: [1.0, -1.0])
+    started = round(1.0 / PERIOD)
+    np.testing.assert_array_equal(driven[: started + 1], 0)
+    assert np.abs(driven[started + 1]).min() > 0
+
+
+def test_a_late_starter_drives_as_the_others_do_but_later(open_floor):
+    plain = commands(open_floor, pose=still, duration=2.0)
+    late = commands(open_floor, pose=still, duration=3.0, behaviour=dataclasses.replace(CALM, late_start=1.0))
+    np.testing.assert_allclose(late[20:], plain, atol=1e-9)
+
+
+def test_a_pause_gives_nothing_for_as_long_and_then_goes_on(open_floor):
+    behaviour = dataclasses.replace(CALM, pause_time=1.0, pause=0.5)
+    plain = commands(open_floor, pose=still, duration=2.0)
+    paused = commands(open_floor, pose=still, duration=2.5, behaviour=behaviour)
+    np.testing.assert_array_equal(paused[21:31], 0)
+    np.testing.assert_allclose(np.delete(paused, range(21, 31), axis=0), plain, atol=1e-9)
+
+
+def test_a_faster_operator_takes_less_time(open_floor):
+    simulation = Simulation(open_floor)
+
+    def arrival(factor: float) -> float:
+        behaviour = dataclasses.replace(CALM, speed_factor=factor)
+        trial = simulation.run(TrialSettings(mode="human", behaviour=behaviour))
+        assert trial.status == "reached"
+        return trial["t"][-1]
+
+    usual = arrival(1.0)
+    assert 0.8 * open_floor.travel_time < usual < open_floor.travel_time + 0.5
+    assert arrival(1.3) == pytest.approx(usual / 1.3, rel=0.05)
+    assert arrival(0.8) == pytest.approx(usual / 0.8, rel=0.05)
+
+
+def test_noise_has_the_standard_deviation_and_the_time_constant_it_is_told(open_floor):
+    rng = np.random.default_rng(3)
+    count = 20_000
+    samples = rng.standard_normal((count + 1, 2))
+    # The plan is over, the robot is there: all that is left is noise.
+    behaviour = Behaviour(noise=0.75, noise_time=0.5)
+    driven = commands(
+        open_floor,
+        pose=lambda time: [4.0, 0.0, 0.0],
+        behaviour=behaviour,
+        duration=count * PERIOD,
+        noise=lambda time: samples[round(time / PERIOD)],
+    )[500:]
+    assert driven.std(axis=0) == pytest.approx([0.75, 0.75], rel=0.05)
+    assert driven.mean(axis=0) == pytest.approx([0, 0], abs=0.05)
+    left, right = (driven - driven.mean(axis=0)).T
+    for lag in (1, 5, 10):
+        for wheel in (left, right):
+            correlation = (wheel[:-lag] * wheel[lag:]).mean() / wheel.var()
+            assert correlation == pytest.approx(math.exp(-lag * PERIOD / 0.5), abs=0.05)
+    assert abs((left * right).mean()) / left.var() < 0.05
+
+
+def test_never_more_than_the_wheels_can_do(open_floor):
+    rng = np.random.default_rng(4)
+    driven = commands(
+        open_floor,
+        pose=lambda time: rng.uniform(-3, 3, 3),
+        behaviour=Behaviour(noise=50.0, speed_factor=5.0, skill=10.0),
+        noise=lambda time: rng.standard_normal(2),
+    )
+    limit = open_floor.robot.max_wheel_speed
+    assert np.abs(driven).max() == pytest.approx(limit)
+    assert np.abs(driven).max() <= limit * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("task", "route"),
+    [
+        (task, route.name)
+        for task in ("two_obstacles", "three_obstacles", "doorway")
+        for route in load_scenario(task).routes
+    ],
+)
+def test_reaches_the_goal_alone_on_every_route_of_every_task(task, route):
+    trial = Simulation(load_scenario(task)).run(TrialSettings(mode="human", route=route, seed=1))
+    assert trial.status == "reached"
+    assert not trial["contact"].any()
+
+
+def test_changes_its_mind_when_told_to(scenario):
+    simulation = Simulation(scenario)
+    behaviour = dataclasses.replace(CALM, switch_time=4.5)
+    trial = simulation.run(
+        TrialSettings(mode="human", route="left_right", then="left_left", behaviour=behaviour)
+    )
+    assert trial.status == "reached"
+    assert sides_passed(trial) == {"first": "left", "second": "left"}
+
+
+def run_with(diagram, operator, seed: int) -> np.ndarray:
+    context = diagram.CreateDefaultContext()
+    diagram.SetRandomContext(context, RandomGenerator(seed))
+    simulator = Simulator(diagram, context)
+    simulator.AdvanceTo(2.0)
+    return operator.GetOutputPort("human_command").Eval(operator.GetMyContextFromRoot(context)).copy()
+
+
+def test_noise_is_reproducible_from_the_random_context(scenario):
+    simulation = Simulation(scenario)
+    diagram, operator = simulation.diagram, simulation.parts.operator
+    first = run_with(diagram, operator, 7)
+    other = run_with(diagram, operator, 8)
+    np.testing.assert_array_equal(first, run_with(diagram, operator, 7))
+    assert np.all(first != other)
+
+
+def test_route_and_behaviour_belong_to_the_context(scenario):
+    dut = SurrogateOperator(scenario=scenario)
+    contexts = [dut.CreateDefaultContext() for _ in range(2)]
+    dut.set_behaviour(contexts[0], route=scenario.route("right_left"), behaviour=CALM)
+    for context in contexts:
+        dut.GetInputPort("pose").FixValue(context, BasicVector([1.0, 0.0, 0.0]))
+        dut.GetInputPort("noise").FixValue(context, [0.0, 0.0])
+        for count in range(60):
+            context.SetTime(count * PERIOD)
+            update = dut.EvalUniquePeriodicDiscreteUpdate(context)
+            context.get_mutable_discrete_state().SetFrom(update)
+    below, above = (np.diff(dut.get_output_port().Eval(context)).item() for context in contexts)
+    assert below < 0 < above
+
+
+@pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(Behaviour)])
+@pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
+def test_refuses_a_behaviour_that_means_nothing(field, value):
+    with pytest.raises(InputError, match=f"operator: {field} must be finite and not negative"):
+        Behaviour(**{field: value})
+
+
+@pytest.mark.parametrize("field", ["noise_time", "speed_factor"])
+def test_refuses_zero_where_it_would_divide(field):
+    with pytest.raises(InputError, match=f"operator: {field} must be positive"):
+        Behaviour(**{field: 0.0})
+
+
+def test_refuses_a_delay_longer_than_its_memory():
+    with pytest.raises(InputError, match=r"operator: delay must be at most 1\.0 s"):
+        Behaviour(delay=1.01)
