@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import multiprocessing
 import os
 from collections.abc import Iterator
@@ -114,14 +115,20 @@ class _Runner:
         return {"seed": settings.seed, "route": settings.route, **metrics(trial), "log": log}
 
 
-_runner: _Runner | None = None
+_batch: Batch | None = None
 
 
 def _start_worker(batch: Batch) -> None:
-    global _runner
-    _runner = _Runner(batch)
+    global _batch
+    _batch = batch
+
+
+@functools.cache
+def _worker_runner() -> _Runner:
+    # Made by the first trial: what fails while a worker starts breaks the pool and does not say why.
+    assert _batch is not None
+    return _Runner(_batch)
 
 
 def _run_in_worker(index: int) -> dict[str, Any]:
-    assert _runner is not None
-    return _runner.run(index)
+    return _worker_runner().run(index)

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import tyro
 
+from drake_shared.commands.benchmark import Benchmark
 from drake_shared.commands.drive import Drive
 from drake_shared.commands.evaluate import Evaluate
 from drake_shared.commands.replay import Replay
@@ -24,6 +25,7 @@ Command = (
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
+    | Annotated[Benchmark, tyro.conf.subcommand("benchmark")]
 )
 
 

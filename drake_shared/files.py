@@ -25,12 +25,10 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     On an exception the temporary file goes and ``path`` stays as it was.
 
     Raises:
-        InputError: The folder cannot be made or written to, or ``path`` is itself a folder.
+        InputError: ``path`` cannot be written.
     """
     target = Path(path)
-    check_writable(target.parent)
-    if target.is_dir():
-        raise InputError(target, "", "must be a file to write, not a folder")
+    check_target(target)
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
     os.close(handle)
     temporary = Path(name)
@@ -43,6 +41,17 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def check_target(path: str | os.PathLike[str]) -> None:
+    """Makes sure that a file can be written at ``path``; its folder is made if needed.
+
+    Raises:
+        InputError: The folder cannot be made or written to, or ``path`` is itself a folder.
+    """
+    check_writable(Path(path).parent)
+    if os.path.isdir(path):
+        raise InputError(path, "", "must be a file to write, not a folder")
 
 
 def check_writable(directory: str | os.PathLike[str]) -> None:

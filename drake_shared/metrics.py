@@ -157,7 +157,8 @@ def _wheel_limit(trial: Trial) -> float:
 
 
 def _intent_success(trial: Trial, success: bool) -> bool | None:
-    meant = trial.metadata.get("route")
+    # Who changes to another route on the way means that one.
+    meant = trial.metadata.get("then") or trial.metadata.get("route")
     if meant is None:
         return None
     routes = {route["name"]: route for route in trial.metadata["scenario"]["routes"]}
@@ -167,7 +168,12 @@ def _intent_success(trial: Trial, success: bool) -> bool | None:
 def _completion_time(trial: Trial, human_norm: np.ndarray) -> float:
     given = np.flatnonzero(human_norm > 1e-9)
     first = 0 if trial.metadata.get("mode") == "agent" or not given.size else given[0]
-    return float(trial["t"][-1] - trial["t"][first])
+    # A trial may go on at the goal until its time is over.
+    goal = trial.metadata["scenario"]["goal"]
+    away = np.hypot(*(trial.positions - (goal["x"], goal["y"])).T)
+    there = np.flatnonzero(away <= goal["radius"])
+    arrived = there[0] if there.size else -1
+    return float(trial["t"][arrived] - trial["t"][first])
 
 
 def _agreement(human: np.ndarray, autonomous: np.ndarray) -> tuple[float, float]:

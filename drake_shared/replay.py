@@ -56,11 +56,14 @@ def write_replay(trial: Trial, path: str | os.PathLike[str], *, learner: Learner
     playback = builder.AddSystem(LogPlayback(times=trial["t"], rows=rows, frame=frame))
     period = scenario.control_period
     estimator = builder.AddSystem(
-        IntentionEstimator(learner=learner or NoLearner(scenario.duration), period=period)
+        IntentionEstimator(
+            learner=learner or NoLearner(scenario.duration), robot=scenario.robot, period=period
+        )
     )
     visualizer = builder.AddSystem(IntentionVisualizer(meshcat=meshcat, robot=scenario.robot, period=period))
     builder.Connect(playback.GetOutputPort("geometry_pose"), scene_graph.get_source_pose_port(source))
-    builder.Connect(playback.GetOutputPort("pose"), estimator.GetInputPort("pose"))
+    for name in ("pose", "human_command"):
+        builder.Connect(playback.GetOutputPort(name), estimator.GetInputPort(name))
     builder.Connect(estimator.GetOutputPort("intention"), visualizer.GetInputPort("intention"))
     for name in LogPlayback.SIZES:
         builder.Connect(playback.GetOutputPort(name), visualizer.GetInputPort(name))

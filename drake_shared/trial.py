@@ -25,11 +25,14 @@ from drake_shared.errors import InputError
 from drake_shared.files import replacing
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
+from drake_shared.systems.confidence_blender import MODES
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
 
 LOG_VERSION = 1
 ENDS = ("reached", "duration")
+# So many can be told apart by Drake's generator.
+_SEEDS = 2**32
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -57,8 +60,16 @@ class TrialSettings:
     end: str = "reached"
 
     def __post_init__(self) -> None:
-        if self.end not in ENDS:
-            raise InputError("trial", "end", f"must be one of {', '.join(ENDS)}", repr(self.end))
+        for name, known in (("end", ENDS), ("mode", MODES)):
+            if getattr(self, name) not in known:
+                raise InputError(
+                    "trial", name, f"must be one of {', '.join(known)}", repr(getattr(self, name))
+                )
+        if not 0 <= self.seed < _SEEDS:
+            raise InputError("trial", "seed", f"must be from 0 to {_SEEDS - 1}", self.seed)
+        gain = self.confidence_gain
+        if gain is not None and not (math.isfinite(gain) and gain > 0):
+            raise InputError("trial", "confidence_gain", "must be positive and finite", gain)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -169,8 +180,7 @@ class RunningTrial:
             parts.operator.set_recording(own, settings.recording)
         self.simulator = Simulator(simulation.diagram, root)
         self.root = root
-        self._plant_context = parts.plant.GetMyContextFromRoot(root)
-        self._pose_port = parts.plant.GetOutputPort("pose")
+        self._log = parts.log_sink.FindLog(root)
         if settings.end == "reached":
             self.simulator.set_monitor(self._stop_at_goal)
         self.simulator.Initialize()
@@ -182,8 +192,12 @@ class RunningTrial:
 
     @property
     def reached(self) -> bool:
-        """Whether the robot is at the goal now."""
-        x, y, _ = self._pose_port.Eval(self._plant_context)
+        """Whether the robot is at the goal, by the last row of the log.
+
+        The pose itself will not do: an operator with a period of its own makes steps between the rows, at
+        which it is already that of the row to come, and the log would end before its robot is there.
+        """
+        x, y = self._log.data()[:2, -1]
         return math.hypot(x - self._goal.x, y - self._goal.y) <= self._goal.radius
 
     @property
@@ -207,9 +221,8 @@ class RunningTrial:
             metadata: What else there is to say of it.
         """
         parts = self.simulation.parts
-        log = parts.log_sink.FindLog(self.root)
-        columns = {"t": log.sample_times().copy()}
-        columns |= dict(zip(parts.columns, log.data().copy(), strict=True))
+        columns = {"t": self._log.sample_times().copy()}
+        columns |= dict(zip(parts.columns, self._log.data().copy(), strict=True))
         columns["contact"] = columns["contact"] > 0.5
         described = self._describe() | metadata
         return Trial(columns=columns, metadata=described | {"status": status or self.status or "stopped"})
@@ -274,13 +287,14 @@ def read_log(path: str | os.PathLike[str]) -> Trial:
     """Reads a trial back.
 
     Raises:
-        InputError: The file is missing, is no log, is of a newer version, or lacks columns.
+        InputError: The file is missing, is no log, is of another version, or is not what a log must be.
     """
+    if not os.path.isfile(path):
+        raise InputError(path, "", "must be a log; there is no such file")
     try:
         table = pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
-        reason = "cannot be read as a log" if os.path.exists(path) else "must be a log; there is no such file"
-        raise InputError(path, "", reason) from error
+        raise InputError(path, "", "cannot be read as a log") from error
     try:
         metadata = json.loads((table.schema.metadata or {}).get(METADATA_KEY, b"null"))
     except ValueError as error:
@@ -292,8 +306,30 @@ def read_log(path: str | os.PathLike[str]) -> Trial:
     missing = [name for name in ("t", *LOG_COLUMNS) if name not in table.column_names]
     if missing:
         raise InputError(path, "columns", f"must include {', '.join(missing)}")
+    if not table.num_rows:
+        raise InputError(path, "", "must hold at least one row")
     columns = {name: table[name].to_numpy() for name in table.column_names}
+    for name in ("t", *LOG_COLUMNS):
+        if columns[name].dtype.kind not in "bif":
+            raise InputError(path, name, "must hold numbers", table.schema.field(name).type)
+    if not (np.diff(columns["t"]) > 0).all():
+        raise InputError(path, "t", "must increase")
+    _check_metadata(metadata, path)
     return Trial(columns=columns, metadata=metadata)
+
+
+def _check_metadata(metadata: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
+    """What the measures of a trial rely on is there."""
+    scenario = metadata.get("scenario")
+    parts = {"name": str, "goal": dict, "robot": dict, "obstacles": list, "routes": list}
+    if not isinstance(scenario, dict) or not all(isinstance(scenario.get(k), v) for k, v in parts.items()):
+        raise InputError(path, "scenario", f"must be an object with {', '.join(parts)}")
+    if not isinstance(metadata.get("status"), str):
+        raise InputError(path, "status", "must be given", metadata.get("status"))
+    names = [route.get("name") for route in scenario["routes"]]
+    for field in ("route", "then"):
+        if metadata.get(field) not in (None, *names):
+            raise InputError(path, field, f"must be one of {', '.join(names)}", repr(metadata[field]))
 
 
 def _version(package: str) -> str:

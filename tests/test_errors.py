@@ -23,9 +23,7 @@ def test_text_of_many_lines_becomes_one():
     )
 
 
-@pytest.mark.parametrize(
-    "error", [InputError("a.yaml", "name", "must be given", 3), RunError("it diverged")]
-)
+@pytest.mark.parametrize("error", [InputError("a.yaml", "name", "must be given", 3), RunError("it diverged")])
 def test_comes_back_from_another_process_as_it_was(error):
     received = pickle.loads(pickle.dumps(error))
     assert type(received) is type(error)

@@ -1,5 +1,6 @@
 """Exact motion, against closed forms and against a fine integration of another kind."""
 
+import itertools
 import math
 
 import numpy as np
@@ -103,7 +104,7 @@ def test_parts_of_a_step_fill_it_and_each_starts_where_the_last_ended():
     parts = list(ramps(ROBOT, (0.0, 3.0), (4.0, -1.0), 0.5))
     assert sum(duration for duration, _, _ in parts) == pytest.approx(0.5)
     assert parts[0][1] == (0.0, 3.0)
-    for (duration, speeds, rates), (_, following, _) in zip(parts, parts[1:], strict=False):
+    for (duration, speeds, rates), (_, following, _) in itertools.pairwise(parts):
         assert following == pytest.approx([s + r * duration for s, r in zip(speeds, rates, strict=True)])
     assert parts[-1][1] == (4.0, -1.0)
     assert parts[-1][2] == (0.0, 0.0)

@@ -113,7 +113,9 @@ def test_whole_numbers_will_do(write):
 
 def test_a_route_is_found_by_its_name():
     assert load_scenario().route("left_left").sides == {"first": "left", "second": "left"}
-    with pytest.raises(InputError, match="routes has no route 'up'; there are: left_right, right_left, left_l"):
+    with pytest.raises(
+        InputError, match="routes has no route 'up'; there are: left_right, right_left, left_l"
+    ):
         load_scenario().route("up")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 import torch
@@ -29,13 +30,13 @@ BARE = "bare products"
 ALONE = ", network alone"
 
 _METHOD = (
-    "A CNMP of the shipped size on a grid of 301 queries (0.05 s), shown one point of a demonstration, asked for "
-    "all queries or the last half of them; one thread. Every contender takes the observation and returns mean "
-    "and variance in metres as numpy arrays, with the same code around its network ('network alone' is without "
-    "that code); ours also adds what distance from the demonstrations does. 'torch eager' is the network as "
-    "published codes have it; the others have the time part of the decoder's first layer computed beforehand, as "
-    "we do. The bare products are the matrix products of the same "
-    "arrays, into float32 arrays made beforehand, and nothing else."
+    "A CNMP of the shipped size on a grid of 301 queries (0.05 s), shown one point of a demonstration, "
+    "asked for all queries or the last half of them; one thread. Every contender takes the observation "
+    "and returns mean and variance in metres as numpy arrays, with the same code around its network "
+    "('network alone' is without that code); ours also adds what distance from the demonstrations does. "
+    "'torch eager' is the network as published codes have it; the others have the time part of the "
+    "decoder's first layer computed beforehand, as we do. The bare products are the matrix products of "
+    "the same arrays, into float32 arrays made beforehand, and nothing else."
 )
 
 
@@ -93,7 +94,7 @@ def make_contenders(
     assert isinstance(bare.network, BareProducts)
     bare.predict(time, position)
     contenders: dict[str, Task] = {
-        OURS: lambda: learner.predict(times, positions, queries),
+        OURS: partial(learner.predict, times, positions, queries),
         BARE: bare.network.multiply,
     }
     absent: dict[str, str] = {}
@@ -114,8 +115,8 @@ def make_contenders(
         except Exception as error:  # What a compiler or a runtime raises is its own affair.
             absent[name] = _one_line(error)
             continue
-        contenders[name] = _call(predictor.predict, time, position)
-        contenders[f"{name}{ALONE}"] = _call(predictor.network, encoded)
+        contenders[name] = partial(predictor.predict, time, position)
+        contenders[f"{name}{ALONE}"] = partial(predictor.network, encoded)
     return contenders, absent
 
 
@@ -128,10 +129,6 @@ def one_torch_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_num_threads(threads)
-
-
-def _call(function: Callable[..., object], *arguments: object) -> Task:
-    return lambda: function(*arguments)
 
 
 def _one_line(error: Exception) -> str:

@@ -1,8 +1,8 @@
 """The arithmetic of a CNMP's prediction by other means: bare numpy products, torch, torch.compile, ONNX.
 
-Each takes one observation and gives the raw output of the decoder for the last queries of the learner's grid.
-All but the plain network in torch, which is what published codes do, know what the learner knows: the time part
-of the decoder's first layer does not depend on the observation and is computed beforehand.
+Each takes one observation and gives the raw output of the decoder for the last queries of the learner's
+grid. All but the plain network in torch, which is what published codes do, know what the learner knows: the
+time part of the decoder's first layer does not depend on the observation and is computed beforehand.
 """
 
 from __future__ import annotations
@@ -91,6 +91,7 @@ class BareProducts:
             np.matmul(rows, weights, out=out)
 
     def __call__(self, encoded: Floats) -> Floats:
+        """The network; see `Network`."""
         self._products[0][0][:] = encoded
         count = len(self._inner)
         for index, (rows, weights, out) in enumerate(self._products[:count]):
@@ -111,6 +112,8 @@ class BareProducts:
 class PlainTorchNetwork(torch.nn.Module):
     """The network in torch as published codes have it: the code stands beside the time of every query."""
 
+    features: torch.Tensor
+
     def __init__(self, model: CnmpModel, first: int) -> None:
         super().__init__()
         features = time_features(model.grid[first:], float(model.grid[-1]), model.harmonics)
@@ -127,6 +130,8 @@ class PlainTorchNetwork(torch.nn.Module):
 
 class TorchNetwork(torch.nn.Module):
     """The network in torch, with the time part of the decoder's first layer computed beforehand."""
+
+    hidden: torch.Tensor
 
     def __init__(self, model: CnmpModel, first: int) -> None:
         super().__init__()
@@ -213,7 +218,7 @@ def onnx_graph(model: CnmpModel, first: int) -> bytes:
 
 
 def _linear(weights: Floats, bias: Floats | None) -> torch.nn.Linear:
-    layer = torch.nn.Linear(*weights.shape, bias=bias is not None)
+    layer = torch.nn.Linear(weights.shape[0], weights.shape[1], bias=bias is not None)
     with torch.no_grad():
         layer.weight.copy_(torch.from_numpy(np.ascontiguousarray(weights.T)))
         if bias is not None:

@@ -1,4 +1,4 @@
-"""What every group of the benchmark works on: the task, the demonstrations, a learner, and how long to take."""
+"""What every group of the benchmark works on: the task, demonstrations, a learner, and how long to take."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class Spread:
 
 def spread(values: ArrayLike) -> Spread:
     """The spread of ``values`` (n,), n >= 1."""
-    low, median, high = np.percentile(values, (10.0, 50.0, 90.0)).tolist()
+    low, median, high = np.percentile(np.asarray(values, dtype=float), (10.0, 50.0, 90.0)).tolist()
     return Spread(median=median, low=low, high=high, count=int(np.size(values)))
 
 
@@ -66,14 +66,8 @@ def interleave(contenders: Mapping[str, Task], *, repeats: int, block: float = 0
     return seconds
 
 
-def cpu_seconds(task: Task) -> float:
-    """CPU seconds of one call, in this process, on one thread."""
-    with threadpool_limits(1):
-        return _time(task, 1)
-
-
 def exponent(sizes: ArrayLike, seconds: ArrayLike) -> float:
-    """The p of seconds = c sizes^p that fits best, by least squares on the logarithms; shapes (n,), n >= 2."""
+    """The p of seconds = c sizes^p that fits best: least squares on the logarithms; shapes (n,), n >= 2."""
     slope, _ = np.polyfit(np.log(np.asarray(sizes, dtype=float)), np.log(seconds), 1)
     return float(slope)
 

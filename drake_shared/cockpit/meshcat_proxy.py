@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import base64
-import contextlib
 import hashlib
 import logging
 import mimetypes
@@ -13,7 +12,7 @@ import re
 import sys
 
 import aiohttp
-from aiohttp import web
+from aiohttp import WSCloseCode, web
 from pydrake.geometry import Meshcat, MeshcatParams
 
 _SCRIPT = '<script type="module" src="/cockpit/main.js"></script>\n'
@@ -51,6 +50,7 @@ class MeshcatProxy:
     def __init__(self, url: str) -> None:
         self._url = url.rstrip("/")
         self._client: aiohttp.ClientSession | None = None
+        self._scenes: set[web.WebSocketResponse] = set()
 
     def add_routes(self, app: web.Application) -> None:
         """Adds the page, its parts and its websocket to ``app``."""
@@ -58,10 +58,14 @@ class MeshcatProxy:
         app.router.add_get("/favicon.ico", self._part)
         app.router.add_get("/cas-v1/{name:[0-9a-f]{64}}", self._part)
         app.cleanup_ctx.append(self._hold_client)
+        app.on_shutdown.append(self._close_scenes)
 
     async def _hold_client(self, app: web.Application):
         async with aiohttp.ClientSession() as self._client:
             yield
+
+    async def _close_scenes(self, app: web.Application) -> None:
+        await asyncio.gather(*(scene.close(code=WSCloseCode.GOING_AWAY) for scene in self._scenes))
 
     async def _root(self, request: web.Request) -> web.StreamResponse:
         if request.headers.get("Upgrade", "").lower() == "websocket":
@@ -87,40 +91,36 @@ class MeshcatProxy:
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         assert self._client is not None
-        page = web.WebSocketResponse(max_msg_size=65536, compress=False, heartbeat=20.0)
+        page = web.WebSocketResponse(max_msg_size=65536, heartbeat=20.0, timeout=1.0, compress=False)
         await page.prepare(request)
-        async with self._client.ws_connect(
-            self._url.replace("http", "ws", 1), max_msg_size=0, compress=0
-        ) as drake:
-            listener = asyncio.create_task(_swallow(page))
-            try:
-                await _pass_on(drake, page, listener)
-            finally:
-                listener.cancel()
-                with contextlib.suppress(asyncio.CancelledError):
-                    await listener
+        self._scenes.add(page)
+        try:
+            async with self._client.ws_connect(
+                self._url.replace("http", "ws", 1), max_msg_size=0, compress=0
+            ) as drake:
+                await _pass_on(drake, page)
+        finally:
+            self._scenes.discard(page)
         await page.close()
         return page
 
 
-async def _pass_on(
-    drake: aiohttp.ClientWebSocketResponse, page: web.WebSocketResponse, gone: asyncio.Task
-) -> None:
+async def _pass_on(drake: aiohttp.ClientWebSocketResponse, page: web.WebSocketResponse) -> None:
     """Sends what Drake says to the page, until either closes or the page takes no more."""
-    while not gone.done():
-        receiving = asyncio.ensure_future(drake.receive())
-        await asyncio.wait({receiving, gone}, return_when=asyncio.FIRST_COMPLETED)
-        if not receiving.done():
-            receiving.cancel()
-            return
-        message = receiving.result()
+    sender = asyncio.create_task(_send_on(drake, page))
+    listener = asyncio.create_task(_swallow(page))
+    await asyncio.wait({sender, listener}, return_when=asyncio.FIRST_COMPLETED)
+    for task in (sender, listener):
+        task.cancel()
+    await asyncio.gather(sender, listener, return_exceptions=True)
+
+
+async def _send_on(drake: aiohttp.ClientWebSocketResponse, page: web.WebSocketResponse) -> None:
+    async for message in drake:
         if message.type is not aiohttp.WSMsgType.BINARY:
             return
-        try:
-            # A frozen page must not make Drake hoard messages; it reloads by itself when it wakes.
-            await asyncio.wait_for(page.send_bytes(message.data), _STUCK_AFTER)
-        except (ConnectionError, TimeoutError):
-            return
+        # A frozen page must not make Drake hoard messages; it reloads by itself when it wakes.
+        await asyncio.wait_for(page.send_bytes(message.data), _STUCK_AFTER)
 
 
 async def _swallow(page: web.WebSocketResponse) -> None:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from drake_shared.commands.common import open_learner, print_json, say
 from drake_shared.errors import InputError
-from drake_shared.files import check_writable
+from drake_shared.files import check_target
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -49,7 +49,7 @@ class Evaluate:
             raise InputError("evaluate", "trials", "must not be negative", self.trials)
         for file in (self.figure, self.recalibrate):
             if file is not None:
-                check_writable(file.parent)
+                check_target(file)
         if self.demos:
             demonstrations = read_demonstrations(self.demos)
         else:

@@ -25,12 +25,12 @@ class Replay:
 
     def run(self) -> None:
         """Does it."""
-        from drake_shared.files import check_writable
+        from drake_shared.files import check_target
         from drake_shared.replay import write_replay
         from drake_shared.trial import read_log
 
         trial = read_log(self.log)
-        check_writable(self.out.parent)
+        check_target(self.out)
         learner = self._learner(trial.metadata)
         write_replay(trial, self.out, learner=learner)
         say(f"wrote {self.out}" + ("" if learner else " (without a prediction: its learner was not found)"))

@@ -10,7 +10,7 @@ import tyro
 
 from drake_shared.commands.common import say
 from drake_shared.errors import InputError
-from drake_shared.files import check_writable
+from drake_shared.files import check_target
 from drake_shared.systems.surrogate_operator import Behaviour
 
 
@@ -45,7 +45,7 @@ class Teach:
         scenario = load_scenario(self.scenario)
         if self.count is not None and self.count < 1:
             raise InputError("teach", "count", "must be at least 1", self.count)
-        check_writable(self.out.parent)
+        check_target(self.out)
         if self.operator == "mouse":
             from drake_shared.cockpit.teach import teach_by_mouse
 

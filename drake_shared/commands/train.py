@@ -13,7 +13,7 @@ from drake_shared.demonstrations import (
     read_demonstrations,
     score_demonstrations,
 )
-from drake_shared.files import check_writable
+from drake_shared.files import check_target
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -47,7 +47,7 @@ class Train:
         from tqdm import tqdm
 
         demonstrations = self._read()
-        check_writable(self.out.parent)
+        check_target(self.out)
         from drake_shared.learners import save_learner, train
 
         with tqdm(unit="it", desc="training", disable=None) as bar:

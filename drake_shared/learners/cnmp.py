@@ -22,8 +22,9 @@ class CnmpModel:
 
     Attributes:
         preset: Which preset trained it.
-        encoder: From time features and a normalised position to the representation (R,).
-        decoder: From the representation, then time features, to mean and raw spread (4,), normalised.
+        encoder: From time features and a normalised position to a code (C,).
+        aggregation: Of several codes, "mean" or "bayesian"; see `aggregate`.
+        decoder: From the code, then time features, to mean and raw spread (4,), normalised.
         harmonics: Fourier features of time.
         grid: Shape (N,), in [s].
         reference: Shape (N, 2), what positions are counted from, in [m].
@@ -38,6 +39,7 @@ class CnmpModel:
 
     preset: str
     encoder: Sequence[Layer]
+    aggregation: str
     decoder: Sequence[Layer]
     harmonics: int
     grid: NDArray[np.float64]
@@ -138,7 +140,7 @@ class CnmpLearner:
             np.maximum(hidden, 0.0, out=hidden)
         hidden = hidden @ weights
         hidden += bias
-        return hidden.mean(axis=0)
+        return aggregate(hidden, self.model.aggregation)
 
     def _decode(
         self, code: NDArray[np.float32], hidden: NDArray[np.float32], buffers: list[NDArray[np.float32]]
@@ -165,6 +167,19 @@ class CnmpLearner:
         # What a driver may want is not what is desirable: the spread is that of all demonstrations alike.
         variance = np.square(self.model.demonstrations - mean).mean(axis=0)
         return mean, variance + self.model.sigma_floor**2
+
+
+def aggregate(codes: NDArray[np.float32], aggregation: str) -> NDArray[np.float32]:
+    """One code (C,) for all observations, from theirs (n, C).
+
+    It is their mean, or the posterior of a latent variable; see `drake_shared.learners.network.aggregate`.
+    """
+    if aggregation == "mean":
+        return codes.mean(axis=0)
+    half = codes.shape[1] // 2
+    precision = np.logaddexp(codes[:, half:], np.float32(0.0))
+    variance = 1.0 / (1.0 + precision.sum(axis=0))
+    return np.concatenate([variance * (precision * codes[:, :half]).sum(axis=0), variance])
 
 
 def _read_only(values: NDArray[np.float64]) -> NDArray[np.float64]:

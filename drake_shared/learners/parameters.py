@@ -20,26 +20,37 @@ class TrainingParameters:
         preset: Name under which files and logs mention it.
         iterations: Steps of the optimiser.
         batch: Demonstrations drawn for each.
-        queries: Query points of each of them, drawn anew for each iteration; 0 is the whole grid.
+        queries: Query points, drawn anew for each iteration and shared by its demonstrations.
         observations: Largest number m of observations of a sample; Alg. 1 draws n from 1..m.
-        single_share: Share of each batch that gets exactly one observation.
-        noise: Standard deviation of the noise on observed positions, relative.
+        single_share: Share of each batch that gets exactly one observation whatever was drawn.
+        noise: Standard deviation of the noise on observed positions, relative. Without it the learner tells
+            routes apart by millimetres that mean nothing.
+        blending: Demonstrations that stay within about this of each other are one way, and what lies between
+            them is as well: training draws new ones from among them; see `make_blend`. Relative; 0 never.
+        widening: How much further than the demonstrations themselves the new ones stray from their mean: what
+            comes varies more than the few that were seen. A factor.
         harmonics: Fourier features of time, sin and cos of k pi t/T for k = 1..harmonics; 0 is raw time.
         centred: Whether the network sees and predicts deviations from the demonstrations' mean path.
-        encoder, decoder: Widths of the hidden layers; the last of the encoder is the representation.
-        learning_rate: Of Adam; where ``schedule`` is "one-cycle", its peak.
+        encoder: Widths of its layers; the last is the size of a code.
+        aggregation: Of the codes of several observations: "mean", or "bayesian", where half of each code is
+            its precision (Volpp et al. 2021, Bayesian context aggregation).
+        decoder: Widths of its hidden layers.
+        learning_rate: Of AdamW; where ``schedule`` is "one-cycle", its peak.
         schedule: "constant" or "one-cycle".
         beta: Of the beta-NLL loss (Seitzer et al. 2022); 0 is plain negative log-likelihood.
         plain_share: Last share of the iterations, which go by the plain negative log-likelihood.
         weight_decay: Of AdamW.
+        second_moment: Of AdamW, the decay of the mean square gradient.
         loss_threshold: Lt of Alg. 1: training stops once the running mean loss, in nats per point with
             positions in m, is below it; None never stops.
+        patience: Share of the iterations without progress after which the rest is cut short; 0 never is.
         sigma_floor: Least standard deviation, in [m], relative if ``relative_floor``; the same for x and y.
         relative_floor: Says in which unit the floor is.
         even_spread: Whether sigma is learnt from demonstrations drawn evenly while the mean leans to the
             better ones. If not, Pd decides which demonstrations are drawn, as in the paper.
         distance_gain: How steeply distance from all demonstrations raises the variance; 0 never.
         clock: What consumers are to take as the time of an observation: "time" or "progress".
+        evidence: What they are to show the learner: "pose" or "pose+command".
         restarts: How often a learner that ignores what it is shown is begun again from another seed.
     """
 
@@ -50,21 +61,27 @@ class TrainingParameters:
     observations: int
     single_share: float
     noise: float
+    blending: float
+    widening: float
     harmonics: int
     centred: bool
     encoder: tuple[int, ...]
+    aggregation: str
     decoder: tuple[int, ...]
     learning_rate: float
     schedule: str
     beta: float
     plain_share: float
     weight_decay: float
+    second_moment: float
     loss_threshold: float | None
+    patience: float
     sigma_floor: float
     relative_floor: bool
     even_spread: bool
     distance_gain: float
     clock: str
+    evidence: str
     restarts: int
 
     def to_json(self) -> dict[str, Any]:
@@ -82,46 +99,60 @@ PRESETS = {
         observations=5,
         single_share=0.0,
         noise=0.0,
+        blending=0.0,
+        widening=1.0,
         harmonics=0,
         centred=False,
         encoder=(128, 128, 128),
+        aggregation="mean",
         decoder=(128, 128),
         learning_rate=3e-4,
         schedule="constant",
         beta=0.0,
         plain_share=1.0,
         weight_decay=0.0,
+        second_moment=0.999,
         loss_threshold=-6.0,
+        patience=0.0,
         sigma_floor=0.01,
         relative_floor=False,
         even_spread=False,
         distance_gain=0.0,
         clock="time",
+        evidence="pose",
         restarts=0,
     ),
+    # Measured; a code averaged rather than weighed by its precision costs 0.1 nats on five observations, and
+    # a network of three layers of 128 is no better than this one while it takes ten times as long.
     "default": TrainingParameters(
         preset="default",
         iterations=2_000,
-        batch=64,
-        queries=32,
+        batch=192,
+        queries=24,
         observations=6,
-        single_share=0.5,
-        noise=0.2,
+        single_share=0.1,
+        noise=0.28,
+        blending=0.65,
+        widening=1.25,
         harmonics=6,
         centred=True,
-        encoder=(128, 128, 128),
-        decoder=(128, 128),
-        learning_rate=3e-3,
+        encoder=(64, 64),
+        aggregation="bayesian",
+        decoder=(128,),
+        learning_rate=1.2e-2,
         schedule="one-cycle",
         beta=0.5,
-        plain_share=1.0 / 3.0,
-        weight_decay=1e-4,
+        plain_share=0.15,
+        weight_decay=1e-2,
+        second_moment=0.99,
         loss_threshold=None,
+        patience=0.25,
         sigma_floor=0.01,
         relative_floor=True,
         even_spread=True,
         distance_gain=25.0,
         clock="progress",
+        evidence="pose+command",
         restarts=3,
     ),
 }

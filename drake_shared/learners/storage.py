@@ -53,6 +53,7 @@ def save_learner(learner: Learner, path: Path) -> None:
         "duration": learner.duration,
         "architecture": {
             "harmonics": model.harmonics,
+            "aggregation": model.aggregation,
             "encoder": [int(bias.size) for _, bias in model.encoder],
             "decoder": [int(bias.size) for _, bias in model.decoder],
         },
@@ -75,7 +76,7 @@ def load_learner(path: Path) -> CnmpLearner:
     if name not in LEARNERS:
         raise InputError(path, "learner", f"must be one of {', '.join(LEARNERS)}", repr(name))
     numbers = {field: _number(path, description, field) for field in _NUMBERS}
-    harmonics, encoder_widths, decoder_widths = _architecture(path, description)
+    harmonics, encoder_widths, aggregation, decoder_widths = _architecture(path, description)
     features = 1 + 2 * harmonics
     encoder = _layers(path, tensors, "encoder", [features + 2, *encoder_widths])
     decoder = _layers(path, tensors, "decoder", [encoder_widths[-1] + features, *decoder_widths])
@@ -89,6 +90,7 @@ def load_learner(path: Path) -> CnmpLearner:
     model = CnmpModel(
         preset=str(description.get("preset")),
         encoder=encoder,
+        aggregation=aggregation,
         decoder=decoder,
         harmonics=harmonics,
         grid=grid,
@@ -131,9 +133,9 @@ def _number(path: Path, description: Mapping[str, Any], field: str) -> float:
     return float(value)
 
 
-def _architecture(path: Path, description: Mapping[str, Any]) -> tuple[int, list[int], list[int]]:
+def _architecture(path: Path, description: Mapping[str, Any]) -> tuple[int, list[int], str, list[int]]:
     architecture = description.get("architecture")
-    expected = "must give harmonics, and the widths of encoder and of decoder (ending in 4)"
+    expected = "must give harmonics, aggregation, and the widths of encoder and of decoder (ending in 4)"
     if not isinstance(architecture, dict):
         raise InputError(path, "architecture", expected, repr(architecture))
     harmonics: Any = architecture.get("harmonics")
@@ -143,9 +145,11 @@ def _architecture(path: Path, description: Mapping[str, Any]) -> tuple[int, list
     for widths in (encoder, decoder):
         good = good and isinstance(widths, list) and len(widths) >= 1
         good = good and all(isinstance(width, int) and width > 0 for width in widths)
+    aggregation: Any = architecture.get("aggregation")
+    good = good and (aggregation == "mean" or (aggregation == "bayesian" and encoder[-1] % 2 == 0))
     if not good or decoder[-1] != 4:
         raise InputError(path, "architecture", expected, architecture)
-    return harmonics, encoder, decoder
+    return harmonics, encoder, aggregation, decoder
 
 
 def _layers(path: Path, tensors: Mapping[str, NDArray[Any]], part: str, widths: list[int]) -> list[Layer]:

@@ -16,7 +16,7 @@ import pytest
 
 from drake_shared.cockpit import Session, open_session
 from drake_shared.scenario import Circle, Goal, Route, Scenario, Workspace
-from drake_shared.systems.mouse_input import MouseInput
+from drake_shared.systems.mouse_input import MouseInput, StickSettings
 from drake_shared.trial import Trial
 
 # As root, without a screen, without a graphics card, and without calling home.
@@ -119,9 +119,19 @@ class RunningCockpit:
         return self.mouse.readings[-1][2] if self.mouse.readings else np.zeros(2)
 
     def next_trial(self, number: int = 1, patience: float = PATIENCE) -> Trial:
-        """The trial of that number, once it is over."""
+        """The trial of that number since the last `forget`, once it is over and the seat is free."""
         wait_for(lambda: len(self.trials) >= number, f"the end of trial {number}", patience)
         return self.trials[number - 1]
+
+    def forget(self):
+        """Leaves the session as a test would like to find it."""
+        wait_for(lambda: self.seat.holder is None and not self.session.server.pages, "an empty cockpit")
+        self.seat.set_stick(0, StickSettings())
+        self.seat.set_assist(0, self._assist)
+        self.trials.clear()
+        self.mouse.readings.clear()
+        for path in self.record.iterdir():
+            path.unlink()
 
     def wait_for_time(self, seconds: float):
         """Waits until the mouse has been read for as long, in simulated time, in this trial."""
@@ -138,8 +148,7 @@ class RunningCockpit:
             raise self._failure
 
 
-@pytest.fixture
-def short_floor() -> Scenario:
+def make_short_floor() -> Scenario:
     """A metre straight ahead, with a pillar at the side."""
     return Scenario(
         name="short_floor",
@@ -154,6 +163,23 @@ def short_floor() -> Scenario:
     )
 
 
+def make_long_floor() -> Scenario:
+    """So far to go that no test gets there."""
+    return Scenario(
+        name="long_floor",
+        goal=Goal(x=40.0, y=0.0),
+        workspace=Workspace(x_min=-1.0, x_max=41.0, y_min=-10.0, y_max=10.0),
+        routes=[Route(name="straight", waypoints=[[0.0, 0.0], [40.0, 0.0]])],
+        duration=60.0,
+        travel_time=50.0,
+    )
+
+
+@pytest.fixture
+def short_floor() -> Scenario:
+    return make_short_floor()
+
+
 @pytest.fixture
 def start_cockpit(tmp_path) -> Iterator[Callable[..., RunningCockpit]]:
     with contextlib.ExitStack() as stack:
@@ -166,9 +192,34 @@ def start_cockpit(tmp_path) -> Iterator[Callable[..., RunningCockpit]]:
         yield start
 
 
+@pytest.fixture(scope="module")
+def _short_cockpit(tmp_path_factory, route_learner) -> Iterator[RunningCockpit]:
+    scenario = make_short_floor()
+    cockpit = RunningCockpit(scenario, route_learner(scenario), tmp_path_factory.mktemp("logs"), True)
+    yield cockpit
+    cockpit.stop()
+
+
+@pytest.fixture(scope="module")
+def _long_cockpit(tmp_path_factory, route_learner) -> Iterator[RunningCockpit]:
+    scenario = make_long_floor()
+    cockpit = RunningCockpit(scenario, route_learner(scenario), tmp_path_factory.mktemp("logs"), True)
+    yield cockpit
+    cockpit.stop()
+
+
 @pytest.fixture
-def cockpit(start_cockpit, short_floor, route_learner) -> RunningCockpit:
-    return start_cockpit(short_floor, route_learner(short_floor))
+def cockpit(_short_cockpit) -> RunningCockpit:
+    """A session in which the goal is near."""
+    _short_cockpit.forget()
+    return _short_cockpit
+
+
+@pytest.fixture
+def long_cockpit(_long_cockpit) -> RunningCockpit:
+    """A session in which the goal is far."""
+    _long_cockpit.forget()
+    return _long_cockpit
 
 
 def find_chromium() -> str | None:
@@ -196,7 +247,16 @@ def browser():
 
 @pytest.fixture
 def browser_context(browser):
-    # A small window: without a graphics card a large one takes a third of a second to draw.
+    # A small window: without a graphics card a large one takes long to draw.
+    context = browser.new_context(viewport={"width": 640, "height": 480})
+    context.set_default_timeout(1000 * PATIENCE)
+    yield context
+    context.close()
+
+
+@pytest.fixture
+def other_context(browser):
+    """Another browser, as it were: a second tab would take the first one's focus, and so stop it."""
     context = browser.new_context(viewport={"width": 640, "height": 480})
     context.set_default_timeout(1000 * PATIENCE)
     yield context

@@ -45,7 +45,9 @@ def test_a_sure_agent_drives():
     np.testing.assert_array_equal(command, [9.1, 2.2])
 
 
-@pytest.mark.parametrize(("confidence", "weight"), [(-0.5, 1.0), (1.5, 0.0), (math.inf, 0.0), (-math.inf, 1.0)])
+@pytest.mark.parametrize(
+    ("confidence", "weight"), [(-0.5, 1.0), (1.5, 0.0), (math.inf, 0.0), (-math.inf, 1.0)]
+)
 def test_confidence_is_clipped(confidence, weight):
     assert blended([1.0, 1.0], [2.0, 2.0], confidence)[1] == weight
 

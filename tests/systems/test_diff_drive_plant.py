@@ -248,7 +248,9 @@ def undisturbed(robot: Robot, pose, wheels, command, period: float) -> np.ndarra
     time = np.linspace(0, period, 20_001)
     change = robot.max_wheel_acceleration * time
     command = np.clip(command, -robot.max_wheel_speed, robot.max_wheel_speed)
-    left, right = (now + np.clip(wish - now, -change, change) for now, wish in zip(wheels, command, strict=True))
+    left, right = (
+        now + np.clip(wish - now, -change, change) for now, wish in zip(wheels, command, strict=True)
+    )
 
     def integral(rate):
         return np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2 * np.diff(time))])
@@ -322,9 +324,7 @@ def test_the_robot_is_seen_and_not_felt():
 
 def test_the_robot_is_seen_where_it_is():
     bench = Bench(robot=ROBOT, looks=True).at(1.0, 2.0, 0.5)
-    query = bench.scene_graph.get_query_output_port().Eval(
-        bench.scene_graph.GetMyContextFromRoot(bench.root)
-    )
+    query = bench.scene_graph.get_query_output_port().Eval(bench.scene_graph.GetMyContextFromRoot(bench.root))
     X_WR = query.GetPoseInWorld(bench.dut.frame_id())
     np.testing.assert_allclose(X_WR.translation(), [1.0, 2.0, 0.0])
 

@@ -97,7 +97,7 @@ def test_k_is_a_parameter_of_the_context(fake_learner):
 def test_the_learner_is_a_parameter_of_the_context(fake_learner):
     bench = Bench(fake_learner(WAY, variance=0.1))
     other = bench.dut.CreateDefaultContext()
-    bench.dut.set_learner(other, fake_learner(WAY + [0.0, 1.0], variance=0.2, gain=10.0))
+    bench.dut.set_learner(other, fake_learner(WAY + np.array([0.0, 1.0]), variance=0.2, gain=10.0))
     bench.dut.GetInputPort("pose").FixValue(other, [0, 0, 0])
     assert bench.mean_variance == pytest.approx(0.1)
     assert bench.dut.GetOutputPort("mean_variance").Eval(other) == pytest.approx(0.2)

@@ -10,7 +10,7 @@ from drake_shared.systems.progress_clock import ProgressClock
 TIMES = np.arange(0.0, 10.05, 0.1)
 # Straight on at 0.5 m/s, and the same way a metre to the left.
 STRAIGHT = np.stack([0.5 * TIMES, np.zeros_like(TIMES)], axis=-1)
-CLOCK = ProgressClock(TIMES, np.stack([STRAIGHT, STRAIGHT + [0.0, 1.0]]), tolerance=0.0)
+CLOCK = ProgressClock(TIMES, np.stack([STRAIGHT, STRAIGHT + np.array([0.0, 1.0])]), tolerance=0.0)
 
 
 def test_is_the_time_of_the_nearest_demonstrated_point():

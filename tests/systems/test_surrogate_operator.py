@@ -44,7 +44,9 @@ def commands(scenario, *, pose, behaviour=CALM, route=None, duration=2.0, noise=
     diagram = builder.Build()
     simulator = Simulator(diagram)
     route = scenario.routes[0] if route is None else scenario.route(route)
-    dut.set_behaviour(dut.GetMyMutableContextFromRoot(simulator.get_mutable_context()), route=route, behaviour=behaviour)
+    dut.set_behaviour(
+        dut.GetMyMutableContextFromRoot(simulator.get_mutable_context()), route=route, behaviour=behaviour
+    )
     simulator.AdvanceTo(duration)
     return sink.FindLog(simulator.get_context()).data().T.copy()
 

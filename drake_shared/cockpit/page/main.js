@@ -26,6 +26,7 @@ const axes = new Axes();
 const connection = new Connection("/drive");
 const settings = new Settings((message) => connection.send(message));
 let engaged = false;
+let leaving = false;
 
 function sendMove() {
   connection.send({ type: "move", x: pad.x, y: pad.y, forward: axes.forward, turn: axes.turn });
@@ -47,7 +48,8 @@ function letGo() {
   axes.stop();
   pad.release();
   scene.driving(false);
-  connection.send({ type: "release" });
+  // A page that goes away says nothing: its driver did not stop, but is lost.
+  if (!leaving) connection.send({ type: "release" });
 }
 
 panel.onDrive = () => (engaged ? letGo() : engage());
@@ -60,6 +62,11 @@ setInterval(() => engaged && sendMove(), HEARTBEAT);
 // Nobody drives from a window that is out of sight, or whose keys go elsewhere.
 document.addEventListener("visibilitychange", () => document.hidden && letGo());
 window.addEventListener("blur", letGo);
+
+for (const departure of ["beforeunload", "pagehide"]) {
+  window.addEventListener(departure, () => (leaving = true));
+}
+window.addEventListener("pageshow", () => (leaving = false));
 
 connection.on("open", () => panel.connected(true));
 connection.on("close", (reason) => {

@@ -1,0 +1,254 @@
+"""One training from one seed: iterations, learning rate, and when to stop."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from drake_shared.errors import RunError
+from drake_shared.learners.cnmp import CnmpLearner, CnmpModel
+from drake_shared.learners.dataset import Dataset
+from drake_shared.learners.features import time_features
+from drake_shared.learners.loss import beta_nll
+from drake_shared.learners.network import CnmpNetwork
+from drake_shared.learners.parameters import TrainingParameters
+from drake_shared.learners.sampling import Batch, Sampler
+
+Progress = Callable[[int, int, float], None]
+"""Takes the iterations done, those planned, and the running mean loss in nats per point."""
+
+REACH = 3.0
+"""Beyond so many times the noise of observations, distance from all demonstrations is doubt."""
+RISE = 0.1
+"""Share of a one-cycle schedule in which the learning rate rises."""
+CHECKS = 50
+"""How often in a training progress is judged."""
+LEAST_PROGRESS = 0.02
+"""Less than this, in nats per point, is none."""
+ENOUGH, HELD_OUT, JUDGED = 60, 0.1, 256
+"""From so many demonstrations on, this share of them is held out, and progress judged by so many samples."""
+CLOSING = 0.2
+"""Share of the plan that is left to a training that is cut short, for the learning rate to fall."""
+
+
+class Optimisation:
+    """A network, what it is taught, and how far it is.
+
+    Attributes:
+        iterations: Done so far.
+        losses: Pairs of iteration and running mean loss, in nats per point with positions in m.
+        ignores_observations: Whether it was found to predict the same whatever it is shown.
+
+    Args:
+        dataset: What to learn; a tenth of it is only judged by if there are demonstrations enough.
+        parameters: How.
+        seed: Of the first weights and of all that is drawn.
+    """
+
+    def __init__(self, dataset: Dataset, parameters: TrainingParameters, seed: int) -> None:
+        self.dataset, self.parameters, self.seed = dataset, parameters, seed
+        self.scale, self.reference = _normalisation(dataset, centred=parameters.centred)
+        self.iterations = 0
+        self.losses: list[list[float]] = []
+        self.ignores_observations = False
+        features = time_features(dataset.grid, float(dataset.grid[-1]), parameters.harmonics)
+        self._features = torch.tensor(features, dtype=torch.float32)
+        self._floor = parameters.sigma_floor
+        if parameters.relative_floor:
+            self._floor *= dataset.spread
+        paths = (dataset.positions - self.reference) / self.scale
+        self._paths = torch.tensor(paths, dtype=torch.float32)
+        held_out = _held_out(len(paths), parameters, seed)
+        self._sampler = self._make_sampler(paths, ~held_out, parameters)
+        self._judge: Batch | None = None
+        if held_out.any():
+            plain = dataclasses.replace(parameters, batch=JUDGED, blending=0.0, even_spread=True)
+            self._judge = self._make_sampler(paths, held_out, plain).draw()
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self._network = CnmpNetwork(
+                features=self._features.shape[1],
+                encoder=parameters.encoder,
+                aggregation=parameters.aggregation,
+                decoder=parameters.decoder,
+            )
+        self._optimiser = torch.optim.AdamW(
+            self._network.parameters(),
+            lr=parameters.learning_rate,
+            betas=(0.9, parameters.second_moment),
+            weight_decay=parameters.weight_decay,
+            fused=True,
+        )
+
+    def run(self, *, deadline: float | None, progress: Progress | None, may_give_up: bool) -> None:
+        """Trains until the plan is done, the loss is below Lt, nothing improves or time is over.
+
+        Args:
+            deadline: By `time.perf_counter`; plans the iterations in place of the parameters'.
+            progress: Called some 200 times.
+            may_give_up: Whether to stop at a quarter of the plan if observations are ignored.
+
+        Raises:
+            RunError: The loss became NaN or infinite.
+        """
+        p = self.parameters
+        planned = total = p.iterations if deadline is None else self._plan(deadline)
+        every, check = max(1, planned // 200), max(1, planned // CHECKS)
+        # A mean over some 2,000 points, whatever the batch: one query's loss says little.
+        memory = max(10.0, 2_000.0 / (p.batch * p.queries))
+        unit = 2.0 * math.log(self.scale)
+        running, best, best_at, begun = 0.0, math.inf, 0, time.perf_counter()
+        for iteration in range(planned):
+            fraction = iteration / total
+            for group in self._optimiser.param_groups:
+                group["lr"] = p.learning_rate * self._rate(fraction)
+            nll = self._step(fraction) + unit
+            if not math.isfinite(nll):
+                raise RunError(f"training diverged: the loss is {nll} after {iteration} iterations")
+            running += (nll - running) / min(iteration + 1.0, memory)
+            self.iterations = iteration + 1
+            if iteration % every == 0 or iteration + 1 == total:
+                self.losses.append([iteration + 1, round(running, 4)])
+                if progress is not None:
+                    progress(iteration + 1, total, running)
+            if p.loss_threshold is not None and iteration > memory and running <= p.loss_threshold:
+                break
+            if may_give_up and iteration == planned // 4:
+                self.ignores_observations = self._ignores()
+                if self.ignores_observations:
+                    return
+            if deadline is not None and iteration % 10 == 9:
+                now = time.perf_counter()
+                left = int((deadline - now) * (iteration + 1) / (now - begun))
+                if iteration + 1 + left < 0.98 * total:
+                    total = iteration + 1 + max(left, 0)
+            if p.patience > 0.0 and iteration % check == check - 1:
+                judged = running if self._judge is None else self._judged() + unit
+                if judged < best - LEAST_PROGRESS:
+                    best, best_at = judged, iteration
+                elif iteration - best_at > p.patience * planned:
+                    total = min(total, iteration + 1 + int(CLOSING * planned))
+                    best_at = planned
+            if iteration + 1 >= total:
+                break
+        self.ignores_observations = self._ignores()
+
+    def export(self, *, confidence_gain: float, metadata: Mapping[str, Any]) -> CnmpLearner:
+        """The learner as it is now.
+
+        Args:
+            confidence_gain: K of eq. (1), in [1/m^2].
+            metadata: For its file.
+        """
+        p, dataset = self.parameters, self.dataset
+        encoder, decoder = self._network.export()
+        model = CnmpModel(
+            preset=p.preset,
+            encoder=encoder,
+            aggregation=p.aggregation,
+            decoder=decoder,
+            harmonics=p.harmonics,
+            grid=dataset.grid,
+            reference=self.reference,
+            scale=self.scale,
+            sigma_floor=self._floor,
+            demonstrations=dataset.positions,
+            weights=dataset.weights,
+            doubt_reach=REACH * (p.noise or 1.0) * dataset.spread,
+            doubt_gain=p.distance_gain,
+            confidence_gain=confidence_gain,
+            metadata=metadata,
+        )
+        return CnmpLearner(model)
+
+    def _make_sampler(
+        self, paths: NDArray[np.float64], chosen: NDArray[np.bool_], parameters: TrainingParameters
+    ) -> Sampler:
+        weights = self.dataset.weights[chosen]
+        return Sampler(
+            paths=paths[chosen],
+            features=self._features,
+            weights=weights / weights.sum(),
+            unit=self.dataset.spread / self.scale,
+            parameters=parameters,
+            seed=self.seed,
+        )
+
+    def _step(self, fraction: float) -> float:
+        """One iteration; the negative log-likelihood per point in normalised units."""
+        p = self.parameters
+        beta = 0.0 if fraction >= 1.0 - p.plain_share else p.beta
+        loss, nll = self._loss(self._sampler.draw(), beta)
+        self._optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        self._optimiser.step()
+        return float(nll)
+
+    def _loss(self, batch: Batch, beta: float) -> tuple[Tensor, Tensor]:
+        mean, spread = self._network(batch.observations, batch.owners, batch.queries)
+        sigma = spread + self._floor / self.scale
+        return beta_nll(mean, sigma, batch.truth, lean=batch.lean, beta=beta)
+
+    def _judged(self) -> float:
+        """Negative log-likelihood per point of what is held out, in normalised units."""
+        assert self._judge is not None
+        with torch.no_grad():
+            return float(self._loss(self._judge, 0.0)[1])
+
+    def _rate(self, fraction: float) -> float:
+        """The learning rate, relative to its peak, after a fraction of the plan."""
+        if self.parameters.schedule == "constant":
+            return 1.0
+        if fraction < RISE:
+            return 0.05 + 0.95 * fraction / RISE
+        return 0.5 * (1.0 + math.cos(math.pi * (fraction - RISE) / (1.0 - RISE))) + 1e-4
+
+    def _plan(self, deadline: float) -> int:
+        """How many iterations there is time for, found on a training that is then thrown away."""
+        trial = Optimisation(self.dataset, self.parameters, self.seed)
+        spent: list[float] = []
+        begun = time.perf_counter()
+        while len(spent) < 40 and (not spent or time.perf_counter() < begun + 0.05 * (deadline - begun)):
+            start = time.perf_counter()
+            trial._step(0.0)
+            spent.append(time.perf_counter() - start)
+        return max(1, int((deadline - time.perf_counter()) / float(np.median(spent))))
+
+    def _ignores(self) -> bool:
+        """Whether it predicts the same whatever it is shown, where the demonstrations lie apart."""
+        strays = np.square(self.dataset.positions - self.dataset.mean_path).mean(axis=(0, 2))
+        if len(self._paths) < 2 or strays.mean() < (0.01 * self.dataset.extent) ** 2:
+            return False  # There is nothing to tell apart.
+        step = int(strays.argmax())
+        shown = self._paths[:, step]
+        observations = torch.cat([self._features[step].expand(len(shown), -1), shown], dim=-1)
+        with torch.no_grad():
+            mean, _ = self._network(observations, torch.arange(len(shown)), self._features)
+        said = float((mean - mean.mean(dim=0)).square().mean())
+        there = float((self._paths - self._paths.mean(dim=0)).square().mean())
+        return said < 0.1 * there
+
+
+def _normalisation(dataset: Dataset, *, centred: bool) -> tuple[float, NDArray[np.float64]]:
+    """What positions are counted in, in [m], and from, shape (N, 2): the same for x and y."""
+    if centred:
+        return dataset.spread, dataset.mean_path
+    corners = dataset.positions.reshape(-1, 2)
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    return 0.5 * dataset.extent or 1.0, np.broadcast_to(middle, dataset.mean_path.shape).copy()
+
+
+def _held_out(count: int, parameters: TrainingParameters, seed: int) -> NDArray[np.bool_]:
+    """Which of the demonstrations are held out, shape (m,)."""
+    chosen = np.zeros(count, dtype=bool)
+    if count >= ENOUGH and parameters.patience > 0.0:
+        chosen[np.random.default_rng(seed).permutation(count)[: round(HELD_OUT * count)]] = True
+    return chosen

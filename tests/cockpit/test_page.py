@@ -1,0 +1,366 @@
+"""The page in a real browser: real mouse events drive the robot, and nothing else does."""
+
+import http.server
+import re
+import threading
+import time
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.browser
+
+STATUS = "#status"
+
+
+class Page:
+    """A window on the cockpit, with what its console complained of."""
+
+    def __init__(self, context, cockpit):
+        self.cockpit = cockpit
+        self.complaints: list[str] = []
+        self.page = context.new_page()
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("console", self._listen)
+
+    def _listen(self, message):
+        if message.type == "error":
+            self.complaints.append(message.text)
+
+    def open(self, *, drawn: bool = False) -> "Page":
+        self.page.goto(self.cockpit.address)
+        self.page.wait_for_selector("#deck[data-phase]:not([data-phase=connecting])")
+        if not drawn:
+            # Without a graphics card drawing takes most of the time, and most tests do not look.
+            self.page.evaluate("viewer.animate = () => {}")
+        return self
+
+    def engage(self) -> "Page":
+        self.page.click("#drive:enabled")
+        self.page.wait_for_selector("body[data-seat=yours]")
+        return self
+
+    def push_forward(self, counts: int = 300, steps: int = 30):
+        """Moves the mouse away from the driver, as a hand does."""
+        self.page.mouse.move(300, 400)
+        for step in range(1, steps + 1):
+            self.page.mouse.move(300, 400 - counts * step / steps)
+
+    def wait_for_phase(self, phase: str):
+        self.page.wait_for_selector(f"#deck[data-phase={phase}]")
+
+    def text(self, selector: str) -> str:
+        return self.page.inner_text(selector)
+
+    def wait_for_text(self, selector: str, pattern: str):
+        self.page.wait_for_function(
+            "([selector, pattern]) => new RegExp(pattern).test(document.querySelector(selector).innerText)",
+            arg=[selector, pattern],
+        )
+
+
+@pytest.fixture
+def window(browser_context, cockpit):
+    return lambda **options: Page(browser_context, cockpit).open(**options)
+
+
+@pytest.fixture
+def driving(browser_context, long_cockpit, until):
+    """A window whose driver pushes forward, with the robot under way and the goal far."""
+    page = Page(browser_context, long_cockpit).open().engage()
+    page.push_forward()
+    until(lambda: np.all(long_cockpit.command > 0), "the robot to be driven")
+    return page
+
+
+def assert_stopped_within(cockpit, since: float, limit: float = 0.2):
+    """The command was zero at most ``limit`` after ``since``, but for what the machine itself stalled."""
+    readings = list(cockpit.mouse.readings)
+    stopped = next(now for now, _, command in readings if now > since and not command.any())
+    stall = max(b[0] - a[0] for a, b in zip(readings, readings[1:], strict=False))
+    assert stopped - since <= limit + stall
+
+
+def assert_kept_and_at_rest(cockpit, trial, status):
+    assert trial.status == status
+    assert abs(trial["wheel_left"][-1]) + abs(trial["wheel_right"][-1]) <= 1e-6
+    wheels = np.stack([trial["wheel_left"], trial["wheel_right"]])
+    robot = cockpit.scenario.robot
+    fastest = np.abs(np.diff(wheels) / np.diff(trial["t"])).max()
+    assert fastest <= robot.max_acceleration / robot.wheel_radius + 1e-6
+    assert len(list(cockpit.record.iterdir())) == 1
+    assert cockpit.seat.holder is None
+
+
+def test_the_mouse_drives_to_the_goal_and_the_page_tells_how_it_went(window, cockpit):
+    page = window(drawn=True)
+    assert page.page.url == cockpit.origin + "/"
+    assert re.search("Click (Drive|Again)", page.text(STATUS))
+    assert page.text("#drive") in ("Drive", "Again")
+    assert page.page.title() == "drake_shared: short_floor"
+    page.engage()
+    assert page.page.evaluate("document.pointerLockElement?.id") == "pad"
+    assert page.page.is_visible("#pad")
+    page.wait_for_text(STATUS, "first move")
+    page.push_forward()
+    page.wait_for_phase("finished")
+    trial = cockpit.next_trial()
+    assert trial.status == "reached"
+    assert np.all(trial["mouse_y"][-3:] < -200)
+    page.wait_for_text("#outcome", "Goal reached")
+    assert page.text("#helped") == "with assistance"
+    assert re.search(r"Effort\s+\d+ rad", page.text("#metrics"))
+    assert f"Saved as {next(cockpit.record.iterdir()).name}" in page.text("#saved")
+    assert page.text("#drive") == "Again"
+    page.page.wait_for_function("document.pointerLockElement === null")
+    assert not page.page.is_visible("#pad")
+    assert page.complaints == []
+
+
+def test_again_and_the_assistance_switch(window, cockpit):
+    page = window()
+    page.page.click("#assist-row")
+    for number in (1, 2):
+        page.engage()
+        page.push_forward()
+        trial = cockpit.next_trial(number)
+        page.wait_for_text("#outcome", "Goal reached")
+        page.page.wait_for_selector("#drive:enabled")
+        assert trial.metadata["mode"] == ("human" if number == 1 else "shared")
+        assert page.text("#helped") == ("without assistance" if number == 1 else "with assistance")
+        page.page.click("#assist-row")
+    assert cockpit.trials[1]["x"][0] == 0.0
+
+
+def test_arrow_keys_drive_too(window, cockpit):
+    page = window().engage()
+    page.page.keyboard.down("ArrowUp")
+    trial = cockpit.next_trial()
+    page.page.keyboard.up("ArrowUp")
+    assert trial.status == "reached"
+    assert trial["stick_forward"].max() == 1.0
+
+
+def test_the_instruments_show_the_drive(driving):
+    driving.wait_for_text(STATUS, "You are driving")
+    driving.wait_for_text("#human-share", r"\d+ %")
+    driving.wait_for_text("#confidence", r"\d+ %")
+    driving.wait_for_text("#speed", r"0\.[1-9]\d m/s")
+    driving.page.wait_for_function("+document.querySelector('#time-left').innerText < 59.9")
+    # The knob of the stick is where the mouse has pushed it: at the upper end.
+    assert "-0." in driving.page.get_attribute("#stick-plot .knob", "transform")
+
+
+def test_escape_stops(driving, long_cockpit):
+    cockpit = long_cockpit
+    driving.page.keyboard.press("Escape")
+    trial = cockpit.next_trial()
+    assert_kept_and_at_rest(cockpit, trial, "stopped")
+    driving.wait_for_text("#outcome", "Stopped")
+
+
+def test_leaving_the_pointer_lock_stops(driving, long_cockpit):
+    driving.page.evaluate("document.exitPointerLock()")
+    assert_kept_and_at_rest(long_cockpit, long_cockpit.next_trial(), "stopped")
+
+
+def test_closing_the_tab_stops_the_robot_and_frees_the_seat(driving, long_cockpit, browser_context):
+    cockpit = long_cockpit
+    driving.page.close()
+    trial = cockpit.next_trial()
+    last_heard = cockpit.mouse.readings[-1][1]
+    assert_stopped_within(cockpit, last_heard)
+    assert_kept_and_at_rest(cockpit, trial, "page_closed")
+    Page(browser_context, cockpit).open().engage()
+
+
+def test_reloading_stops_the_robot_and_needs_a_fresh_click(driving, long_cockpit):
+    cockpit = long_cockpit
+    driving.page.reload()
+    trial = cockpit.next_trial()
+    assert_stopped_within(cockpit, cockpit.mouse.readings[-1][1])
+    assert_kept_and_at_rest(cockpit, trial, "page_closed")
+    driving.wait_for_phase("finished")
+    driving.push_forward()
+    assert driving.page.get_attribute("body", "data-seat") == "free"
+    assert cockpit.seat.holder is None
+
+
+def test_a_frozen_page_stops_the_robot_and_loses_the_seat(driving, long_cockpit):
+    cockpit = long_cockpit
+    driving.page.evaluate(
+        "setTimeout(() => { const end = performance.now() + 2500; while (performance.now() < end); }, 0)"
+    )
+    trial = cockpit.next_trial()
+    assert_stopped_within(cockpit, cockpit.mouse.readings[-1][1])
+    assert_kept_and_at_rest(cockpit, trial, "page_closed")
+    # Awake again it has no seat, and may ask for it.
+    driving.page.wait_for_selector("body[data-seat=free]")
+    driving.page.wait_for_selector("#drive:enabled")
+    assert not driving.page.is_visible("#pad")
+    assert cockpit.seat.holder is None
+
+
+def test_a_second_window_watches_and_the_freed_seat_needs_its_click(
+    driving, long_cockpit, other_context, until
+):
+    second = Page(other_context, long_cockpit).open()
+    second.wait_for_text(STATUS, "Someone else is driving")
+    assert second.page.is_disabled("#drive")
+    shown = second.text("#time-left")
+    second.page.wait_for_function("(shown) => document.querySelector('#time-left').innerText < shown", arg=shown)
+    second.push_forward(counts=-300)
+    until(lambda: np.all(long_cockpit.command > 0), "the first to drive on")
+    driving.page.keyboard.press("Escape")
+    assert long_cockpit.next_trial().status == "stopped"
+    second.wait_for_text("#outcome", "Stopped")
+    second.page.wait_for_selector("#drive:enabled")
+    assert long_cockpit.seat.holder is None
+    second.engage()
+    driving.wait_for_text(STATUS, "Someone else is driving")
+
+
+def test_settings_take_effect_and_show_on_every_window(window, cockpit, until):
+    first, second = window(), window()
+    first.page.fill("#gain", "1")
+    first.page.fill("#dead-zone", "0.2")
+    first.page.fill("#return-time", "1.5")
+    until(lambda: cockpit.seat.latest().stick.return_time == 1.5, "the settings")
+    stick = cockpit.seat.latest().stick
+    assert (stick.gain, stick.dead_zone) == (0.01, 0.2)
+    second.wait_for_text("#gain-value", "1.00 %")
+    second.wait_for_text("#return-time-value", "1.5 s")
+
+
+def test_a_window_that_talks_nonsense_is_thrown_out_and_the_drive_goes_on(driving, long_cockpit):
+    closed = driving.page.evaluate(
+        """async () => {
+          const closed = [];
+          for (const bad of ["nonsense", '{"type": "move", "x": NaN}', "x".repeat(5000)]) {
+            const socket = new WebSocket(`ws://${location.host}/drive`);
+            await new Promise((resolve) => (socket.onopen = resolve));
+            const end = new Promise((resolve) => (socket.onclose = resolve));
+            socket.send(bad);
+            const event = await end;
+            closed.push([event.code, event.reason]);
+          }
+          return closed;
+        }"""
+    )
+    assert [code for code, _ in closed] == [1008, 1008, 1009]
+    assert all(reason for _, reason in closed)
+    before = long_cockpit.mouse.readings[-1][1]
+    driving.page.wait_for_timeout(100)
+    assert long_cockpit.mouse.readings[-1][1] > before
+    assert driving.page.get_attribute("body", "data-seat") == "yours"
+
+
+def test_the_wrong_key_shows_nothing(browser_context, cockpit):
+    page = browser_context.new_page()
+    for address in (cockpit.origin + "/", cockpit.origin + "/?k=wrong"):
+        assert page.goto(address).status == 403
+        assert "drake-shared printed" in page.inner_text("body")
+
+
+FOREIGN = b"""<!doctype html><title>elsewhere</title><iframe src="ORIGIN/"></iframe><script>
+const tried = {};
+for (const path of ["drive", ""]) {
+  const socket = new WebSocket("WS/" + path);
+  socket.onopen = () => { tried["/" + path] = "open"; socket.send('{"type": "engage"}'); };
+  socket.onclose = () => { tried["/" + path] ??= "refused"; };
+}
+fetch("ORIGIN/", { credentials: "include" }).then(
+  (answer) => { tried.fetch = "read"; }, () => { tried.fetch = "refused"; });
+</script>"""
+
+
+@pytest.fixture
+def foreign_page(cockpit):
+    """A page of another server on this computer: same site, other origin, so it has the cookie."""
+    body = FOREIGN.replace(b"ORIGIN", cockpit.origin.encode())
+    body = body.replace(b"WS", cockpit.origin.replace("http", "ws").encode())
+
+    class Elsewhere(http.server.BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_):
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://localhost:{server.server_address[1]}/"
+        server.shutdown()
+        thread.join()
+
+
+def test_a_page_from_elsewhere_is_refused(window, browser_context, cockpit, foreign_page):
+    window()
+    page = browser_context.new_page()
+    page.goto(foreign_page)
+    page.wait_for_function("Object.keys(tried).length === 3")
+    assert set(page.evaluate("Object.values(tried)")) == {"refused"}
+    assert page.frames[1].evaluate("document.getElementById('drive')") is None
+    assert cockpit.seat.holder is None
+
+
+def test_the_end_of_the_program_is_told(browser_context, start_cockpit, short_floor):
+    cockpit = start_cockpit(short_floor)
+    page = Page(browser_context, cockpit).open()
+    cockpit.stop()
+    page.wait_for_text(STATUS, "The program has ended|Connection closed")
+    assert page.page.is_disabled("#drive")
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (800, 600)])
+def test_nothing_overlaps_and_nothing_is_cut_off(browser, cockpit, size):
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]})
+    page = Page(context, cockpit).open(drawn=True)
+    faults = page.page.evaluate(LAYOUT)
+    page.engage()
+    page.wait_for_text(STATUS, "first move")
+    faults += page.page.evaluate(LAYOUT)
+    page.push_forward()
+    cockpit.next_trial()
+    page.wait_for_phase("finished")
+    faults += page.page.evaluate(LAYOUT)
+    context.close()
+    assert faults == []
+    assert page.complaints == []
+
+
+# Every visible text and control lies inside the window and inside its box, and none covers another.
+LAYOUT = """() => {
+  const faults = [];
+  const seen = (element) => element.checkVisibility() && element.getBoundingClientRect().width > 1;
+  const parts = [...document.querySelectorAll(
+    "#cockpit-header > *:not(#time-bar), #meshcat-pane, #deck > section")].filter(seen);
+  const boxes = parts.map((part) => part.getBoundingClientRect());
+  parts.forEach((part, i) => {
+    const a = boxes[i];
+    const name = part.id;
+    if (a.left < 0 || a.top < 0 || a.right > innerWidth + 0.5 || a.bottom > innerHeight + 0.5) {
+      faults.push(`${name} leaves the window`);
+    }
+    boxes.slice(i + 1).forEach((b, j) => {
+      const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+      const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+      if (across > 0.5 && down > 0.5) faults.push(`${name} overlaps ${parts[i + 1 + j].id}`);
+    });
+    if (name === "meshcat-pane") return;
+    if (part.scrollWidth > part.clientWidth + 1 && part.clientWidth) faults.push(`${name} is too wide`);
+    if (part.scrollHeight > part.clientHeight + 1 && part.clientHeight) faults.push(`${name} is too high`);
+    for (const child of [...part.querySelectorAll("*")].filter(seen)) {
+      const box = child.getBoundingClientRect();
+      if (child.closest("svg") && child.tagName !== "svg") continue;
+      if (box.right > a.right + 0.5 || box.bottom > a.bottom + 0.5 || box.left < a.left - 0.5) {
+        faults.push(`${name}: ${child.tagName} ${child.id} sticks out`);
+      }
+    }
+  });
+  return faults;
+}"""
