@@ -46,13 +46,13 @@ def test_mean_human_weight_leaves_out_the_row_that_is_not_applied(make):
 def test_disagreement_sums_the_absolute_differences_of_both_wheels(make):
     trial = make(
         human_left=[1.0, 2.0, 3.0, 4.0, 99.0],
-        human_right=[1.0, 1.0, 1.0, 1.0, 99.0],
+        human_right=[3.0, 1.0, 1.0, 1.0, 99.0],
         autonomous_left=[0.0, 4.0, 3.0, 4.0, 0.0],
         autonomous_right=[1.0, 1.0, -1.0, 1.0, 0.0],
     )
     measured = metrics(trial)
-    assert measured["disagreement"] == pytest.approx(1 + 2 + 2 + 0)
-    assert measured["disagreement_rate"] == pytest.approx(5 / 4)
+    assert measured["disagreement"] == pytest.approx((1 + 2) + 2 + 2 + 0)
+    assert measured["disagreement_rate"] == pytest.approx(7 / 4)
 
 
 def test_disagreement_without_an_agent_cannot_be_said(make):

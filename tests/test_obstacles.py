@@ -34,6 +34,11 @@ def test_distance_to_a_turned_box_is_exact_outside_and_in():
     np.testing.assert_allclose(ObstacleDistance([WALL])(points), expected, atol=1e-12)
 
 
+def test_obstacles_have_no_top_to_be_near_to():
+    pillar = Circle(name="pillar", x=1.0, y=2.0, radius=5.0)
+    np.testing.assert_allclose(ObstacleDistance([pillar])([[1.0, 2.5]]), [-4.5], atol=1e-12)
+
+
 def test_the_nearest_obstacle_counts():
     points = np.array([[1.4, -0.9], [2.0, 2.0]])
     together = ObstacleDistance([CIRCLE, WALL])(points)

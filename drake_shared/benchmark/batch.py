@@ -29,7 +29,7 @@ _METHOD = (
 
 def run(setting: Setting) -> GroupResult:
     """Measures it."""
-    count, trials, repeats = (20, 30, 1) if setting.quick else (300, 2_000, 3)
+    count, trials, repeats = (12, 20, 1) if setting.quick else (300, 2_000, 3)
     rates: dict[int, list[float]] = {workers: [] for workers in WORKERS}
     wholes: dict[int, list[float]] = {workers: [] for workers in WORKERS}
     with tempfile.TemporaryDirectory() as folder:

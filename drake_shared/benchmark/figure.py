@@ -60,6 +60,7 @@ def _draw_ratios(axes: Axes, group: GroupResult) -> None:
             costs = [item.median / curve.seconds[0].median for item in curve.seconds]
             name = f"{curve.name.removesuffix(', s')}, by {curve.size}: {curve.exponent:.2f}"
             axes.plot(sizes, costs, "o-", ms=3, lw=1.2, label=name)
+        axes.margins(y=0.4)
         _label(axes, "size, by the smallest", "cost, by the smallest (exponent)")
         return
     names = [f"{item.name}{f'  ({item.aim})' if item.aim else ''}" for item in group.ratios]
@@ -135,4 +136,4 @@ def _label(axes: Axes, x: str, y: str) -> None:
     axes.set_ylabel(y, fontsize=8)
     axes.tick_params(labelsize=8)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(fontsize=6.5)
+        axes.legend(fontsize=6.5, loc="upper left" if axes.get_title(loc="left") else "best")

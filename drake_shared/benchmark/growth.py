@@ -49,7 +49,7 @@ def run(setting: Setting) -> GroupResult:
 
 def grow_obstacles(setting: Setting, repeats: int) -> list[Curve]:
     """A step of a trial against the number of obstacles."""
-    sizes = OBSTACLES[::2] + OBSTACLES[-1:] if setting.quick else OBSTACLES
+    sizes = _fewer(OBSTACLES) if setting.quick else OBSTACLES
     seconds = 1.0 if setting.quick else 5.0
     tasks: dict[str, Task] = {}
     for count in sizes:
@@ -73,7 +73,7 @@ def grow_queries(setting: Setting, repeats: int) -> list[Curve]:
 
 def grow_demonstrations(setting: Setting, repeats: int) -> list[Curve]:
     """Training and prediction against the number of demonstrations."""
-    sizes = DEMONSTRATIONS[::2] + DEMONSTRATIONS[-1:] if setting.quick else DEMONSTRATIONS
+    sizes = _fewer(DEMONSTRATIONS) if setting.quick else DEMONSTRATIONS
     iterations = 10 if setting.quick else 60
     multiplied = [_multiply(setting.taught, count) for count in sizes]
     predictions: dict[str, Task] = {}
@@ -137,13 +137,18 @@ def crowded(scenario: Scenario, count: int, *, duration: float) -> Scenario:
         row, column = divmod(index, columns)
         x, y = space.x_min + 0.5 * column, space.y_max + 0.5 * (row + 1)
         obstacles.append(Circle(name=f"further_{index}", x=x, y=y, radius=0.2))
-    top = max(item.y for item in obstacles) + 0.5
+    top = max(space.y_max, *(item.y + 0.5 for item in obstacles))
     return dataclasses.replace(
         scenario,
         obstacles=obstacles,
         workspace=Workspace(x_min=space.x_min, x_max=space.x_max, y_min=space.y_min, y_max=top),
         duration=duration,
     )
+
+
+def _fewer(sizes: tuple[int, ...]) -> tuple[int, ...]:
+    """Every second size, and the last."""
+    return tuple(sorted({*sizes[::2], sizes[-1]}))
 
 
 def _multiply(demonstrations: Demonstrations, count: int) -> Demonstrations:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from drake_shared.cockpit.messages import Move
 from drake_shared.systems.mouse_input import MouseSample, StickSettings
 
-SILENT_AFTER = 1.0
+SILENT_AFTER = 2.0
 """Silence of the driver's page, in [s], after which it loses the seat."""
 
 LET_GO = "stopped"

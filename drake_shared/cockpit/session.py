@@ -65,6 +65,8 @@ class Session:
         self._say = say
         self._on_trial = on_trial
         self._instruments = Instruments(simulation)
+        self.phase = "starting"
+        """What the page is told: ready, armed, driving, stopping, finished or ended."""
         self._number = 0
         self._result: dict[str, Any] | None = None
         self._enough = False
@@ -163,8 +165,8 @@ class Session:
         self._say(
             f"Trial {self._number}: {status} after {self._result['time']:.2f} s" + _kept(saved, trouble)
         )
-        self._tell("finished", running)
         self._enough = bool(self._on_trial(trial))
+        self._tell("finished", running)
 
     def _save(self, trial: Trial, ended: datetime.datetime) -> tuple[str | None, str | None]:
         """The name of the file that keeps the trial, or why there is none; a full disk ends no session."""
@@ -181,6 +183,7 @@ class Session:
         self.server.publish("now", describe_now(self._instruments.read(running), running.time))
 
     def _tell(self, phase: str, running: RunningTrial | None = None) -> None:
+        self.phase = phase
         mode = None if running is None else running.settings.mode
         self.server.publish(
             "trial", {"phase": phase, "number": self._number, "mode": mode, "result": self._result}

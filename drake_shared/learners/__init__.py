@@ -11,6 +11,7 @@ from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.interface import Learner, confidence, mean_variance
 from drake_shared.learners.parameters import PRESETS, TrainingParameters
+from drake_shared.learners.registry import find_learner, learner_names
 from drake_shared.learners.storage import load_learner, save_learner
 
 __all__ = [
@@ -19,6 +20,8 @@ __all__ = [
     "TrainingParameters",
     "calibrate",
     "confidence",
+    "find_learner",
+    "learner_names",
     "load_learner",
     "mean_variance",
     "save_learner",
@@ -26,8 +29,16 @@ __all__ = [
 ]
 
 
-def train(demonstrations: Demonstrations, **options: Any) -> Learner:
-    """Trains a learner; see `drake_shared.learners.training.train` for the options."""
-    from drake_shared.learners.training import train as train_cnmp
+def train(demonstrations: Demonstrations, *, learner: str = "cnmp", **options: Any) -> Learner:
+    """Trains a learner.
 
-    return train_cnmp(demonstrations, **options)
+    Args:
+        demonstrations: At least one.
+        learner: "cnmp", "mixture", "promp" or one that is registered; see `drake_shared.learners.registry`.
+        options: preset, weighted, seed, seconds, iterations, progress; `drake_shared.learners.training.train`
+            says what they mean.
+
+    Raises:
+        InputError: There is no such learner, or it cannot be taught so.
+    """
+    return find_learner(learner, source="train").train(demonstrations, **options)

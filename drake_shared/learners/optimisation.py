@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from drake_shared.errors import RunError
-from drake_shared.learners.cnmp import CnmpLearner, CnmpModel
+from drake_shared.learners.cnmp import CnmpLearner
+from drake_shared.learners.cnmp_model import CnmpModel
 from drake_shared.learners.dataset import Dataset
 from drake_shared.learners.features import time_features
 from drake_shared.learners.loss import beta_nll

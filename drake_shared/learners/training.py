@@ -62,12 +62,7 @@ def train(
     chosen = parameters or find_parameters(preset)
     if iterations is not None:
         chosen = dataclasses.replace(chosen, iterations=iterations)
-    if chosen.iterations < 1:
-        raise InputError("train", "iterations", "must be at least 1", chosen.iterations)
-    if seconds is not None and not (np.isfinite(seconds) and seconds > 0.0):
-        raise InputError("train", "seconds", "must be positive and finite", seconds)
-    if seed < 0:
-        raise InputError("train", "seed", "must be 0 or more", seed)
+    check_options(chosen, seconds=seconds, seed=seed)
     dataset = make_dataset(demonstrations, weighted=weighted, duration=duration)
     deadline = None if seconds is None else begun + seconds * (1.0 - RESERVED)
     threads = torch.get_num_threads()
@@ -83,13 +78,18 @@ def train(
                 if last or not run.ignores_observations:
                     break
                 restarts += 1
-            metadata = _metadata(demonstrations, dataset, run, chosen)
+            metadata = training_metadata(demonstrations, dataset, chosen)
             record = metadata["training"]
+            record |= {
+                "iterations": run.iterations,
+                "ignores_observations": run.ignores_observations,
+                "loss": run.losses,
+            }
             record |= {"weighted": weighted, "seed": seed, "restarts": restarts, "seconds_allowed": seconds}
             gain = calibrate(
                 run.export(confidence_gain=1.0, metadata=metadata),
                 demonstrations,
-                resolution=chosen.noise * dataset.spread,
+                resolution=0.5 * chosen.noise * dataset.spread,
             )
     finally:
         torch.set_num_threads(threads)
@@ -97,14 +97,26 @@ def train(
     return run.export(confidence_gain=gain, metadata=metadata)
 
 
-def _metadata(
-    demonstrations: Demonstrations, dataset: Dataset, run: Optimisation, parameters: TrainingParameters
+def check_options(parameters: TrainingParameters, *, seconds: float | None, seed: int) -> None:
+    """Refuses what no training can be done with.
+
+    Raises:
+        InputError: Says which option and what it must be.
+    """
+    if parameters.iterations < 1:
+        raise InputError("train", "iterations", "must be at least 1", parameters.iterations)
+    if seconds is not None and not (np.isfinite(seconds) and seconds > 0.0):
+        raise InputError("train", "seconds", "must be positive and finite", seconds)
+    if seed < 0:
+        raise InputError("train", "seed", "must be 0 or more", seed)
+
+
+def training_metadata(
+    demonstrations: Demonstrations, dataset: Dataset, parameters: TrainingParameters
 ) -> dict[str, Any]:
+    """What a learner's file says of its scenario, of how it is to be used and of how it was trained."""
     record = {
         "parameters": parameters.to_json(),
-        "iterations": run.iterations,
-        "ignores_observations": run.ignores_observations,
-        "loss": run.losses,
         "data_sha256": dataset.digest,
         "demonstrations": len(demonstrations),
         "versions": {

@@ -126,6 +126,7 @@ class RunningCockpit:
     def forget(self):
         """Leaves the session as a test would like to find it."""
         wait_for(lambda: self.seat.holder is None and not self.session.server.pages, "an empty cockpit")
+        wait_for(lambda: self.session.phase in ("ready", "finished"), "the end of what went on")
         self.seat.set_stick(0, StickSettings())
         self.seat.set_assist(0, self._assist)
         self.trials.clear()

@@ -169,9 +169,10 @@ def test_what_was_given_out_does_not_change_under_its_readers(fake_learner):
 
 
 def test_on_the_clock_now_is_the_time(fake_learner):
-    bench = Bench(fake_learner(WAY, clock="time"))
+    bench = Bench(fake_learner(WAY, clock="time")).at(4.0, 0.0)
     for time in (0.0, 1.05, 9.0):
-        assert bench.at(4.0, 0.0, time=time).intention.time == time
+        bench.context.SetTime(time)
+        assert bench.intention.time == time
 
 
 def test_by_progress_now_is_the_time_of_the_place_that_was_reached(fake_learner):

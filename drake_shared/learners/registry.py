@@ -1,0 +1,54 @@
+"""Which learners there are: those of this package, and those that others register.
+
+A learner from outside is a class with a ``name``, the methods of `drake_shared.learners.Learner`, and
+
+- ``train(demonstrations, *, preset, weighted, seed, seconds, iterations, progress)``, a class method that returns one,
+- ``to_file()``, which returns its tensors and a description that JSON can hold,
+- ``from_file(path, tensors, description)``, a class method that gives it back.
+
+It is registered under its name in the entry point group ``drake_shared.learners``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from importlib.metadata import entry_points
+from typing import Any
+
+from drake_shared.errors import InputError
+
+GROUP = "drake_shared.learners"
+_OURS = {
+    "cnmp": "drake_shared.learners.cnmp:CnmpLearner",
+    "mixture": "drake_shared.learners.mixture:MixtureLearner",
+    "promp": "drake_shared.learners.promp:PrompLearner",
+}
+
+
+def learner_names() -> list[str]:
+    """Names of all learners that are registered."""
+    return sorted({*_OURS, *(point.name for point in entry_points(group=GROUP))})
+
+
+def find_learner(name: str, *, source: str | os.PathLike[str] = "learner") -> Any:
+    """The class of the learner of that name.
+
+    Args:
+        name: As files and the command line call it.
+        source: What asked for it, for the error message.
+
+    Raises:
+        InputError: There is none of that name, or what was registered cannot be imported.
+    """
+    if name in _OURS:
+        module, _, kind = _OURS[name].partition(":")
+        return getattr(importlib.import_module(module), kind)
+    for point in entry_points(group=GROUP):
+        if point.name == name:
+            try:
+                return point.load()
+            except Exception as error:  # What others register may fail in any way.
+                why = f"{type(error).__name__}: {error}"
+                raise InputError(source, "learner", f"{name!r} ({point.value}) cannot be imported ({why})") from error
+    raise InputError(source, "learner", f"must be one of {', '.join(learner_names())}", repr(name))
