@@ -323,6 +323,10 @@ def _read_demonstrations(
     for name, values in (("scores", scores), ("provenance", provenance)):
         if not isinstance(values, list) or len(values) != len(groups):
             raise InputError(path, name, f"must have one entry for each of {len(groups)} demonstrations")
+    if any(isinstance(score, bool) or not isinstance(score, int | float | None) for score in scores):
+        raise InputError(path, "scores", "must be numbers or null", scores)
+    if any(not isinstance(origin, dict) for origin in provenance):
+        raise InputError(path, "provenance", "must be JSON objects")
     if score_column is not None:
         scores = _column_scores(path, _column(path, table, score_column), groups, score_column)
     items = []

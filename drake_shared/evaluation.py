@@ -1,8 +1,9 @@
-"""How good a learner's predictions are, and how honest their spread: against demonstrations, and over trials."""
+"""How good a learner's predictions are, and how honest its spread and its confidence."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import os
 from collections.abc import Sequence
@@ -62,7 +63,8 @@ def predictions(
         raise InputError("evaluate", "noise", "must be finite and not negative", noise)
     rng = np.random.default_rng(seed)
     grid = np.asarray(learner.grid)
-    errors, sigmas, cases, ends = [], [], [], []
+    errors, sigmas, cases = [], [], []
+    ends: list[float] = []
     for item in demonstrations:
         inside = grid[(grid >= item.times[0]) & (grid <= item.times[-1])]
         path = np.stack([np.interp(inside, item.times, item.positions[:, axis]) for axis in (0, 1)], axis=-1)
@@ -95,7 +97,7 @@ def evaluate(found: Predictions) -> dict[str, Any]:
         scale: What standard deviations must be multiplied by to fit the errors best (by likelihood).
         by_time_to_end: The same for each fifth of the task, the nearest to the end first.
     """
-    result = _measures(found, np.ones(len(found.case), dtype=bool))
+    result: dict[str, Any] = {**_measures(found, np.ones(len(found.case), dtype=bool))}
     z = np.abs(found.error / found.sigma)
     result["reliability"] = {
         "level": _LEVELS.tolist(),
@@ -104,7 +106,7 @@ def evaluate(found: Predictions) -> dict[str, Any]:
     result["scale"] = recalibration(found)
     edges = np.linspace(0.0, found.to_end.max(), _PARTS + 1)
     parts = []
-    for low, high in zip(edges, edges[1:], strict=False):
+    for low, high in itertools.pairwise(edges):
         cases = (found.to_end > low) & (found.to_end <= high)
         chosen = cases[found.case]
         if chosen.any():
@@ -154,8 +156,8 @@ class Confidence:
 def judge_confidence(learner: Learner, trial: Trial, route: int, *, every: int = 1) -> Confidence:
     """Asks at every step of ``trial`` whether the agent expected the way of the demonstration ``route``.
 
-    It did if the way that it expected from the pose alone strays from that demonstration's, whenever that came
-    by, less than 0.15 m (root mean square).
+    It did if the way that it expected from the pose alone strays from that demonstration's, whenever that
+    came by, less than 0.15 m (root mean square).
 
     Args:
         learner: The one that took part, with its demonstrations.

@@ -168,9 +168,14 @@ class RunningTrial:
         # First of all: it puts every parameter back to its default.
         simulation.diagram.SetRandomContext(root, RandomGenerator(settings.seed))
         parts.blender.set_mode(parts.blender.GetMyMutableContextFromRoot(root), settings.mode)
-        if settings.confidence_gain is not None and simulation.learner is not None:
-            estimator = parts.estimator.GetMyMutableContextFromRoot(root)
-            parts.estimator.set_learner(estimator, simulation.learner, settings.confidence_gain)
+        if simulation.learner is not None:
+            parts.estimator.set_learner(
+                parts.estimator.GetMyMutableContextFromRoot(root),
+                simulation.learner,
+                confidence_gain=settings.confidence_gain,
+                # An agent that is alone has nobody's command to go by.
+                heed_command=settings.mode != "agent",
+            )
         own = parts.operator.GetMyMutableContextFromRoot(root)
         if isinstance(parts.operator, SurrogateOperator):
             route = self._route or scenario.routes[0]

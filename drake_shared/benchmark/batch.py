@@ -81,7 +81,7 @@ def memory_over(setting: Setting, trials: int) -> dict[str, object]:
     """Memory of this process at some moments of so many trials, in [MB], and its growth after a tenth."""
     simulation = Simulation(setting.scenario, learner=setting.learner)
     routes = [route.name for route in setting.scenario.routes]
-    marks = {round(share * trials / 10) for share in range(1, 11)}
+    marks = {round(share * trials) for share in (0.1, 0.25, 0.5, 0.75, 1.0)}
     done: list[int] = []
     held: list[float] = []
     for index in range(trials):

@@ -13,10 +13,12 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-from drake_shared.learners.cnmp import CnmpModel
+from drake_shared.learners.cnmp import aggregate
+from drake_shared.learners.cnmp_model import CnmpModel
 from drake_shared.learners.features import time_features
 
 Floats = NDArray[np.float32]
+_ONE = np.ones((1, 1), np.float32)
 Network = Callable[[Floats], Floats]
 """Takes the encoder's input (1, F + 2), gives mean and raw spread (Q, 4), normalised."""
 
@@ -48,6 +50,7 @@ class Predictor:
         raw = self.network(self.encode(time, position)).astype(np.float64)
         mean = raw[:, :2] * self._model.scale + self._reference
         sigma = np.logaddexp(raw[:, 2:], 0.0) * self._model.scale + self._model.sigma_floor
+        sigma *= self._model.sigma_scale
         return mean, sigma * sigma
 
 
@@ -72,6 +75,7 @@ class BareProducts:
     """
 
     def __init__(self, model: CnmpModel, first: int) -> None:
+        self._aggregation = model.aggregation
         self._hidden = time_part(model, first)
         self._inner = [*model.encoder, (code_weights(model), None)]
         self._outer = model.decoder[1:]
@@ -101,12 +105,31 @@ class BareProducts:
                 out += bias
             if index < count - 2:
                 np.maximum(out, 0.0, out=out)
+            elif index == count - 2:
+                out[:] = aggregate(out, self._aggregation)
         np.add(self._hidden, self._products[count - 1][2], out=self._after_first)
         for (rows, weights, out), (_, bias) in zip(self._products[count:], self._outer, strict=True):
             np.maximum(rows, 0.0, out=rows)
             np.matmul(rows, weights, out=out)
             out += bias
         return self._products[-1][2].copy()
+
+
+class PlainProducts:
+    """The matrix products of a network as published codes have it: nothing is known beforehand."""
+
+    def __init__(self, model: CnmpModel, first: int) -> None:
+        queries = len(model.grid) - first
+        self._products: list[tuple[Floats, Floats, Floats]] = []
+        for layers, count in ((model.encoder, 1), (model.decoder, queries)):
+            for weights, _ in layers:
+                rows = np.ones((count, weights.shape[0]), np.float32)
+                self._products.append((rows, weights, np.empty((count, weights.shape[1]), np.float32)))
+
+    def multiply(self) -> None:
+        """The products alone."""
+        for rows, weights, out in self._products:
+            np.matmul(rows, weights, out=out)
 
 
 class PlainTorchNetwork(torch.nn.Module):
@@ -120,10 +143,11 @@ class PlainTorchNetwork(torch.nn.Module):
         self.encoder = torch.nn.ModuleList(_linear(weights, bias) for weights, bias in model.encoder)
         self.decoder = torch.nn.ModuleList(_linear(weights, bias) for weights, bias in model.decoder)
         self.register_buffer("features", torch.from_numpy(features.astype(np.float32)))
+        self.aggregation = model.aggregation
 
     def forward(self, encoded: torch.Tensor) -> torch.Tensor:
         """From the encoder's input (1, F + 2) to the decoder's output (Q, 4)."""
-        code = _torch_layers(self.encoder, encoded).mean(dim=0)
+        code = _torch_aggregate(_torch_layers(self.encoder, encoded), self.aggregation)
         rows = torch.cat([code.expand(len(self.features), -1), self.features], dim=1)
         return _torch_layers(self.decoder, rows)
 
@@ -139,10 +163,11 @@ class TorchNetwork(torch.nn.Module):
         self.code = _linear(code_weights(model), None)
         self.decoder = torch.nn.ModuleList(_linear(weights, bias) for weights, bias in model.decoder[1:])
         self.register_buffer("hidden", torch.from_numpy(time_part(model, first)))
+        self.aggregation = model.aggregation
 
     def forward(self, encoded: torch.Tensor) -> torch.Tensor:
         """From the encoder's input (1, F + 2) to the decoder's output (Q, 4)."""
-        code = _torch_layers(self.encoder, encoded).mean(dim=0)
+        code = _torch_aggregate(_torch_layers(self.encoder, encoded), self.aggregation)
         return _torch_layers(self.decoder, torch.relu(self.hidden + self.code(code)))
 
 
@@ -201,6 +226,13 @@ def onnx_graph(model: CnmpModel, first: int) -> bytes:
 
     hidden = time_part(model, first)
     code = layers(model.encoder, "encoder", "encoded", relu_first=False)
+    if model.aggregation == "bayesian":
+        nodes.append(helper.make_node("Split", [code], ["said", "raw"], axis=1, num_outputs=2))
+        precision = node("Softplus", ["raw"], "precision")
+        variance = node("Reciprocal", [node("Add", [precision, constant("one", _ONE)], "all")], "variance")
+        mean = node("Mul", [node("Mul", [precision, "said"], "weighed"), variance], "mean")
+        nodes.append(helper.make_node("Concat", [mean, variance], ["code"], axis=1))
+        code = "code"
     code = node("MatMul", [code, constant("code_weights", code_weights(model))], "code_part")
     rows = node("Add", [constant("time_part", hidden), code], "first")
     rows = layers(model.decoder[1:], "decoder", rows, relu_first=True)
@@ -212,7 +244,7 @@ def onnx_graph(model: CnmpModel, first: int) -> bytes:
         [helper.make_tensor_value_info(rows, TensorProto.FLOAT, [len(hidden), 4])],
         constants,
     )
-    file = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+    file = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
     checker.check_model(file)
     return file.SerializeToString()
 
@@ -231,6 +263,16 @@ def _torch_layers(layers: torch.nn.ModuleList, rows: torch.Tensor) -> torch.Tens
     for layer in inner:
         rows = torch.relu(layer(rows))
     return last(rows)
+
+
+def _torch_aggregate(codes: torch.Tensor, aggregation: str) -> torch.Tensor:
+    """One code (C,) for all observations, of theirs (n, C); see `drake_shared.learners.network.aggregate`."""
+    if aggregation == "mean":
+        return codes.mean(dim=0)
+    said, raw = codes.chunk(2, dim=1)
+    precision = torch.nn.functional.softplus(raw)
+    variance = 1.0 / (1.0 + precision.sum(dim=0))
+    return torch.cat([variance * (precision * said).sum(dim=0), variance])
 
 
 def _numpy_in_and_out(module: Callable[[torch.Tensor], torch.Tensor]) -> Network:

@@ -85,7 +85,11 @@ class TimedLearner:
 
     def __init__(self, learner: Learner, times: SystemTimes) -> None:
         self._learner = learner
-        self.predict = times.timed(LEARNER, learner.predict)
+        self._times = times
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._learner, name)
+        found = getattr(self._learner, name)
+        if name.startswith("predict"):
+            found = self._times.timed(LEARNER, found)
+            setattr(self, name, found)
+        return found

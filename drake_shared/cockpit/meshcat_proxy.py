@@ -15,9 +15,10 @@ import aiohttp
 from aiohttp import WSCloseCode, web
 from pydrake.geometry import Meshcat, MeshcatParams
 
+from drake_shared.cockpit.scene_relay import relay_from
+
 _SCRIPT = '<script type="module" src="/cockpit/main.js"></script>\n'
 _INLINE = re.compile(r"<script(?![^>]*\bsrc=)[^>]*>(.*?)</script>", re.DOTALL)
-_STUCK_AFTER = 5.0
 
 
 def start_meshcat() -> Meshcat:
@@ -90,43 +91,17 @@ class MeshcatProxy:
         return web.Response(body=body, content_type=kind, headers={"Cache-Control": kept})
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        assert self._client is not None
-        page = web.WebSocketResponse(max_msg_size=65536, heartbeat=20.0, timeout=1.0, compress=False)
-        await page.prepare(request)
-        self._scenes.add(page)
-        try:
-            async with self._client.ws_connect(
-                self._url.replace("http", "ws", 1), max_msg_size=0, compress=0
-            ) as drake:
-                await _pass_on(drake, page)
-        finally:
-            self._scenes.discard(page)
+        # No heartbeat of the library's: what it sends would fall in between the bytes of others.
+        page = web.WebSocketResponse(max_msg_size=65536, timeout=1.0, compress=False)
+        async with relay_from(self._url) as relay:
+            await page.prepare(request)
+            self._scenes.add(page)
+            try:
+                await relay.run(page, request.transport)
+            finally:
+                self._scenes.discard(page)
         await page.close()
         return page
-
-
-async def _pass_on(drake: aiohttp.ClientWebSocketResponse, page: web.WebSocketResponse) -> None:
-    """Sends what Drake says to the page, until either closes or the page takes no more."""
-    sender = asyncio.create_task(_send_on(drake, page))
-    listener = asyncio.create_task(_swallow(page))
-    await asyncio.wait({sender, listener}, return_when=asyncio.FIRST_COMPLETED)
-    for task in (sender, listener):
-        task.cancel()
-    await asyncio.gather(sender, listener, return_exceptions=True)
-
-
-async def _send_on(drake: aiohttp.ClientWebSocketResponse, page: web.WebSocketResponse) -> None:
-    async for message in drake:
-        if message.type is not aiohttp.WSMsgType.BINARY:
-            return
-        # A frozen page must not make Drake hoard messages; it reloads by itself when it wakes.
-        await asyncio.wait_for(page.send_bytes(message.data), _STUCK_AFTER)
-
-
-async def _swallow(page: web.WebSocketResponse) -> None:
-    """Reads what a page says to Drake and drops it: one malformed byte would end the process."""
-    async for _ in page:
-        pass
 
 
 def _content_security_policy(page: str, host: str) -> str:

@@ -42,11 +42,7 @@ def teach_by_mouse(
             driven.append(demonstration_of(trial, score=score(trial.positions)))
         return len(driven) >= wanted
 
-    drive(
-        scenario, assist=False, host=host, port=port, open_browser=open_browser, on_trial=keep
-    )
+    drive(scenario, assist=False, host=host, port=port, open_browser=open_browser, on_trial=keep)
     if not driven:
         raise RunError("no demonstration reached the goal without contact")
-    return Demonstrations(
-        items=tuple(driven), metadata={"scenario": scenario.name, "operator": "MouseInput"}
-    )
+    return Demonstrations(items=tuple(driven), metadata={"scenario": scenario.name, "operator": "MouseInput"})

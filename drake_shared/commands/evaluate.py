@@ -22,7 +22,7 @@ class Evaluate:
     scenario: str | None = None
     """Scenario file, or the name of a shipped one."""
     demos: tuple[Path, ...] = ()
-    """Demonstrations to judge it against; default: three fresh drives of each route by a simulated operator."""
+    """Demonstrations to judge it against; default: three fresh simulated drives of each route."""
     noise: float = 0.0
     """Standard deviation of the noise on the points shown, in m."""
     trials: int = 30
@@ -65,8 +65,11 @@ class Evaluate:
         if self.recalibrate is not None:
             from drake_shared.learners import calibrate, save_learner
 
-            scaled = learner.scaled(result["scale"])
-            scaled = scaled.with_confidence_gain(calibrate(scaled, demonstrations))
+            scale = getattr(learner, "scaled", None)
+            if scale is None:
+                raise InputError(path, "learner", "must be of a kind that can be scaled", learner.name)
+            scaled = scale(result["scale"])
+            scaled.confidence_gain = calibrate(scaled, demonstrations)
             save_learner(scaled, self.recalibrate)
             say(f"wrote {self.recalibrate}: standard deviations times {result['scale']:.3f}")
         if self.json:

@@ -60,7 +60,7 @@ class CnmpLearner:
         self._last = np.ascontiguousarray(last.T)
         self._mean_bias = last_bias[:2, None].astype(np.float64) * model.scale
         self._sigma_bias = last_bias[2:, None]
-        self._on_grid = self._prepare(self.grid)
+        self._on_grid = {0: self._prepare(self.grid)}
         self._prior = self._moments()
 
     @classmethod
@@ -107,12 +107,11 @@ class CnmpLearner:
             if on_grid:
                 return mean[start:].copy(), variance[start:].copy()
             return self._interpolate(mean, queries), self._interpolate(variance, queries)
-        prepared = self._on_grid.later(start) if on_grid else self._prepare(queries)
+        prepared = self._later(start) if on_grid else self._prepare(queries)
         code = self._encode(observed_times.tolist(), observed.tolist())
         raw = self._decode(code, prepared)
         model = self.model
-        mean = raw[:2] * model.scale
-        mean += prepared.way
+        mean = raw[:2] * np.float32(model.scale) + prepared.way
         sigma = softplus(raw[2:] + self._sigma_bias)
         sigma *= model.scale * model.sigma_scale
         sigma += model.sigma_floor * model.sigma_scale
@@ -138,7 +137,7 @@ class CnmpLearner:
         return aggregate(hidden, self.model.aggregation)
 
     def _seen(self, time: float, x: float, y: float) -> list[float]:
-        """What the encoder is told of one observation: time features, as `time_features` has them, and where."""
+        """What the encoder is told of one observation: time, as `time_features` has it, and where it is."""
         time = min(max(time, 0.0), self.duration) if time == time else math.nan
         angle = math.pi * time / self.duration
         ways = range(1, self.model.harmonics + 1)
@@ -165,6 +164,13 @@ class CnmpLearner:
             hidden += bias
             np.maximum(hidden, zeros, out=hidden)
         return self._last @ hidden.T
+
+    def _later(self, start: int) -> _Queries:
+        """The queries of the grid from ``start`` on."""
+        prepared = self._on_grid.get(start)
+        if prepared is None:
+            prepared = self._on_grid[start] = self._on_grid[0].later(start)
+        return prepared
 
     def _prepare(self, queries: NDArray[np.float64]) -> _Queries:
         """What does not depend on the observations."""
@@ -207,8 +213,6 @@ class _Queries:
 
     def later(self, start: int) -> _Queries:
         """The queries from ``start`` on."""
-        if start == 0:
-            return self
         return _Queries(
             hidden=self.hidden[start:],
             way=self.way[:, start:],
@@ -235,8 +239,11 @@ def aggregate(codes: NDArray[np.float32], aggregation: str) -> NDArray[np.float3
         return codes.mean(axis=0)
     half = codes.shape[1] // 2
     precision = softplus(codes[:, half:])
-    variance = 1.0 / (1.0 + precision.sum(axis=0))
-    return np.concatenate([variance * (precision * codes[:, :half]).sum(axis=0), variance])
+    said = precision * codes[:, :half]
+    if len(codes) > 1:
+        precision, said = precision.sum(axis=0, keepdims=True), said.sum(axis=0, keepdims=True)
+    precision += 1.0
+    return np.concatenate([said[0] / precision[0], 1.0 / precision[0]])
 
 
 def _read_only(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,9 +15,7 @@ Path = str | os.PathLike[str]
 Tensors = Mapping[str, NDArray[Any]]
 
 
-def number_of(
-    path: Path, description: Mapping[str, Any], field: str, *, may_be_zero: bool = False
-) -> float:
+def number_of(path: Path, description: Mapping[str, Any], field: str, *, may_be_zero: bool = False) -> float:
     """A number of the description.
 
     Raises:

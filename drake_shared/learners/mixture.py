@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -16,26 +15,10 @@ from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.cnmp import CnmpLearner
 from drake_shared.learners.cnmp_file import cnmp_from_file, cnmp_to_file
 from drake_shared.learners.fields import number_of, tensor_of
+from drake_shared.learners.modes import Modes
 
 # An expert less likely than this is not asked: it would change nothing that counts.
 _UNLIKELY = 1e-4
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Modes:
-    """The ways that are still possible.
-
-    Attributes:
-        probability: Shape (C,), summing to 1; scores play no part in it.
-        mean: Shape (C, Q, 2), in [m]; NaN for ways that are out of the question.
-        variance: Shape (C, Q, 2), in [m^2].
-        aim: Index of the way to help with: the likeliest, and among equals the better one.
-    """
-
-    probability: NDArray[np.float64]
-    mean: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    aim: int
 
 
 class MixtureLearner:
@@ -47,7 +30,7 @@ class MixtureLearner:
     the noise that training puts on positions. So no way is forgotten for having a low score, and a position
     between two ways speaks for both.
 
-    ``predict`` gives the mean and the total variance, within and between the ways; ``modes`` keeps them apart.
+    ``predict`` gives the mean and the total variance, within and between the ways; ``predict_modes`` the ways, too.
     In the mean the better ways weigh more, by the sampling weights Pd of their demonstrations.
 
     Args:
@@ -84,7 +67,9 @@ class MixtureLearner:
         self._shares, self._leanings, self._noise = shares, leanings, noise
         # Of each way at each time of the grid: where it is, shape (N, C), and how wide, in x and in y.
         paths = [np.asarray(expert.demonstrations) for expert in self.experts]
-        self._centres = [np.stack([path[:, :, axis].mean(axis=0) for path in paths], axis=1) for axis in (0, 1)]
+        self._centres = [
+            np.stack([path[:, :, axis].mean(axis=0) for path in paths], axis=1) for axis in (0, 1)
+        ]
         self._widths = [
             np.stack([path[:, :, axis].var(axis=0) for path in paths], axis=1) + noise**2 for axis in (0, 1)
         ]
@@ -199,6 +184,8 @@ class MixtureLearner:
             step = round(min(max(time, 0.0), self.duration) * self._rate)
             for axis in (0, 1):
                 width = self._widths[axis][step]
-                logs = logs - 0.5 * ((position[axis] - self._centres[axis][step]) ** 2 / width + np.log(width))
+                logs = logs - 0.5 * (
+                    (position[axis] - self._centres[axis][step]) ** 2 / width + np.log(width)
+                )
         odds = np.exp(logs - logs.max())
         return odds / odds.sum()

@@ -134,7 +134,15 @@ class PrompLearner:
         for name, value in numbers.items():
             if not (np.isfinite(value) and value > 0):
                 raise InputError(path, name, "must be a finite number above 0", value)
-        return cls(**{name: tensors[name] for name in shapes}, **numbers, metadata=description)
+        given: dict[str, Any] = {name: tensors[name] for name in shapes} | numbers
+        return cls(**given, metadata=description)
+
+    def scaled(self, factor: float) -> PrompLearner:
+        """The same with all standard deviations times ``factor``; how points are taken stays as it is."""
+        tensors, description = self.to_file()
+        tensors["covariance"] = factor**2 * tensors["covariance"]
+        scaled = {name: factor * description[name] for name in ("noise", "floor")}
+        return self.from_file("learner", tensors, description | scaled)
 
     def predict(
         self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike

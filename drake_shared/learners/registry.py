@@ -50,5 +50,7 @@ def find_learner(name: str, *, source: str | os.PathLike[str] = "learner") -> An
                 return point.load()
             except Exception as error:  # What others register may fail in any way.
                 why = f"{type(error).__name__}: {error}"
-                raise InputError(source, "learner", f"{name!r} ({point.value}) cannot be imported ({why})") from error
+                raise InputError(
+                    source, "learner", f"{name!r} ({point.value}) cannot be imported ({why})"
+                ) from error
     raise InputError(source, "learner", f"must be one of {', '.join(learner_names())}", repr(name))

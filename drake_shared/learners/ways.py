@@ -13,9 +13,7 @@ from scipy.spatial.distance import squareform
 _PARTED, _PARTED_EXTENT = 2.0, 0.05
 
 
-def find_ways(
-    positions: NDArray[np.float64], *, spread: float, extent: float
-) -> list[NDArray[np.intp]]:
+def find_ways(positions: NDArray[np.float64], *, spread: float, extent: float) -> list[NDArray[np.intp]]:
     """Groups demonstrations by the way that they go.
 
     Args:

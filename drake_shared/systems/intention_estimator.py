@@ -11,6 +11,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
 from drake_shared.learners import Learner, confidence
+from drake_shared.learners.modes import Modes
 from drake_shared.scenario import Robot
 from drake_shared.systems.progress_clock import ProgressClock
 
@@ -22,9 +23,11 @@ class Intention:
     Attributes:
         time: Now, by the clock of ``times``, in [s].
         times: Shape (N,), of the grid, in [s]; the same array at every step.
-        mean: Shape (N, 2), expected positions, in [m], world frame; NaN at or before ``time``.
-        variance: Shape (N, 2), in [m^2]; NaN at or before ``time``.
+        mean: Shape (N, 2), expected positions, in [m], world frame; NaN at or before ``time``. Of the way that
+            the driver is on, if the learner tells several apart.
+        variance: Shape (N, 2), in [m^2], within and between ways; NaN at or before ``time``.
         first: Index of the first entry that is later than ``time`` (the last one at the end).
+        modes: The ways that are possible, from entry ``first`` on, if the learner tells several apart.
     """
 
     time: float
@@ -32,6 +35,7 @@ class Intention:
     mean: np.ndarray
     variance: np.ndarray
     first: int
+    modes: Modes | None = None
 
     def position(self, time: float) -> tuple[float, float]:
         """Expected position at ``time`` later than now, in [m]; interpolated, held at both ends."""
@@ -97,7 +101,7 @@ class IntentionEstimator(LeafSystem):
     Once the agent holds the control, the human's command cannot change the pose, and from the pose alone the
     estimate would never learn of it (compare Aronson and Short, arXiv 2408.12103). So where the command
     points is a second observation: the place to which it leads in ``reach`` s, at the time of the nearest
-    demonstrated point. It moves the mean; the variance is the larger of both, with and without it, plus the
+    demonstrated point. It moves the mean; the variance is the largest of those with and without it and of the
     squared distance between both means. To point along one of several ways that are still open thus makes
     the agent go along, but does not take control from the human; to point elsewhere gives it back.
 
@@ -139,9 +143,24 @@ class IntentionEstimator(LeafSystem):
         self.DeclareVectorOutputPort("influence", 2, self._calc_influence, from_estimate)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
-    def set_learner(self, context: Context, learner: Learner, confidence_gain: float | None = None) -> None:
-        """Makes ``learner`` the one of this Context, with its own K or the one given, in [1/m^2]."""
-        context.get_mutable_abstract_parameter(self._learner_index).set_value(_Prepared(learner))
+    def set_learner(
+        self,
+        context: Context,
+        learner: Learner,
+        *,
+        confidence_gain: float | None = None,
+        heed_command: bool = True,
+    ) -> None:
+        """Makes ``learner`` the one of this Context.
+
+        Args:
+            context: Of this system.
+            learner: Any object with the learners' ``predict``.
+            confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
+            heed_command: Whether the human's command may be evidence, for learners that take it.
+        """
+        prepared = _Prepared(learner, heed_command=heed_command)
+        context.get_mutable_abstract_parameter(self._learner_index).set_value(prepared)
         gain = learner.confidence_gain if confidence_gain is None else confidence_gain
         context.get_mutable_numeric_parameter(self._gain_index)[0] = gain
 
@@ -156,21 +175,22 @@ class IntentionEstimator(LeafSystem):
             now = prepared.clock.advance(reached, x, y)
         first = prepared.first_after(now)
         later = prepared.later[first]
-        mean, variance = prepared.learner.predict(np.array([now]), np.array([[x, y]]), later)
+        mean, variance, modes = prepared.predict([now], [(x, y)], later)
         expected = prepared.at_moments(mean)
         by_command = 0.0
         pointed = self._pointed(context, x, y, yaw) if prepared.heeds_command else None
         if pointed is not None:
             then = now + self._reach if prepared.clock is None else prepared.clock.advance(now, *pointed)
-            told, told_variance = prepared.learner.predict(
-                np.array([now, then]), np.array([[x, y], pointed]), later
-            )
+            told, told_variance, modes = prepared.predict([now, then], [(x, y), pointed], later)
             moved = (told - mean) ** 2
             mean = told
-            variance = np.maximum(variance, told_variance) + moved
+            variance = np.maximum(np.maximum(variance, told_variance), moved)
             by_command = math.sqrt(2.0 * moved.mean())
         # All queries are later than now: this is the mean of eq. (1), without looking for where to begin.
         spread = float(variance.sum()) / variance.size
+        if modes is not None:
+            # The agent helps on the way that the driver is on, not on the mean between two.
+            mean = modes.mean[modes.aim]
         output.set_value(
             _Estimate(
                 intention=Intention(
@@ -179,6 +199,7 @@ class IntentionEstimator(LeafSystem):
                     mean=prepared.padded(mean),
                     variance=prepared.padded(variance),
                     first=first,
+                    modes=modes,
                 ),
                 confidence=confidence(spread, gain),
                 mean_variance=spread,
@@ -233,7 +254,7 @@ class _Estimate:
 class _Prepared:
     """A learner, with what depends on it alone."""
 
-    def __init__(self, learner: Learner) -> None:
+    def __init__(self, learner: Learner, *, heed_command: bool = True) -> None:
         self.learner = learner
         self.grid = np.asarray(learner.grid)
         self.duration = float(self.grid[-1])
@@ -243,8 +264,17 @@ class _Prepared:
         if learner.metadata.get("clock") == "progress" and learner.demonstrations is not None:
             self.clock = ProgressClock(self.grid, learner.demonstrations)
 
-        self.heeds_command = learner.metadata.get("evidence") == "pose+command"
+        self._predict_modes = getattr(learner, "predict_modes", None)
+        self.heeds_command = heed_command and learner.metadata.get("evidence") == "pose+command"
         self._moments = np.linspace(0, len(self.grid) - 1, _MOMENTS + 1).round().astype(int)[1:]
+
+    def predict(
+        self, times: list[float], positions: list[tuple[float, float]], later: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, Modes | None]:
+        """Mean and variance, and the modes if the learner tells them."""
+        if self._predict_modes is not None:
+            return self._predict_modes(np.array(times), np.array(positions), later)
+        return *self.learner.predict(np.array(times), np.array(positions), later), None
 
     def at_moments(self, later: np.ndarray) -> np.ndarray:
         """The last rows of a whole grid at the moments (2 * 8,), NaN for those that are past."""

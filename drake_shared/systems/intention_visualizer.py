@@ -18,6 +18,8 @@ AGENT_COLOR = (0.16, 0.50, 0.88)
 SHARED_COLOR = (0.10, 0.62, 0.38)
 
 _PATH_DOTS = 36
+# Of each way that is possible beside the one aimed at, and of how many such ways.
+_MODE_DOTS, _MODES = 18, 5
 _COMMAND_DOTS = 5
 # How far ahead the arcs of the commands reach, in [s].
 _COMMAND_REACH = 1.0
@@ -43,7 +45,8 @@ class IntentionVisualizer(LeafSystem):
         human_weight (1): w, from 0 to 1.
         human_command, autonomous_command, shared_command (2): Wheel speeds [left, right] in [rad/s].
 
-    The path is a row of dots on discs whose half axes are the standard deviations in x and y. Each command
+    The path is a row of dots on discs whose half axes are the standard deviations in x and y. Where the
+    learner tells ways apart, each one is a row of dots the larger the likelier it is. Each command
     is a row of dots along the arc on which it leads in the next second. Below the robot lies a disc of the
     agent's colour, covered by one of the human's whose share of the area is w. All objects are made at the
     start and only moved, scaled and hidden, which is what Meshcat can record.
@@ -81,6 +84,9 @@ class IntentionVisualizer(LeafSystem):
         for index in range(_PATH_DOTS):
             self._disc(f"spread/{index}", 1.0, 0.002, (*AGENT_COLOR, 0.10))
             self._disc(f"mean/{index}", 0.022, 0.02, (*AGENT_COLOR, 1.0))
+        for mode in range(_MODES):
+            for index in range(_MODE_DOTS):
+                self._disc(f"mode/{mode}/{index}", 0.045, 0.004, (*AGENT_COLOR, 0.45))
         colors = {"human": HUMAN_COLOR, "autonomous": AGENT_COLOR, "shared": SHARED_COLOR}
         for name, color in colors.items():
             for index in range(_COMMAND_DOTS):
@@ -94,7 +100,9 @@ class IntentionVisualizer(LeafSystem):
         pose = self._pose_port.Eval(context).tolist()
         weight = float(self._weight_port.Eval(context)[0])
         self._draw_halo(time, pose, weight)
-        self._draw_path(time, self._intention_port.Eval(context))
+        intention = self._intention_port.Eval(context)
+        self._draw_path(time, intention)
+        self._draw_modes(time, intention)
         for height, (name, port) in enumerate(self._command_ports.items()):
             # One above the other, so that arcs that agree are all seen.
             self._draw_command(time, name, pose, port.Eval(context).tolist(), 0.30 + 0.03 * height)
@@ -117,6 +125,21 @@ class IntentionVisualizer(LeafSystem):
                 self._place(f"mean/{index}", time, x, y, 0.03)
                 self._place(f"spread/{index}", time, x, y, 0.015 + 2e-4 * index)
                 self._scale(f"spread/{index}", time, max(sigma[0], 0.02), max(sigma[1], 0.02))
+
+    def _draw_modes(self, time: float, intention: Intention) -> None:
+        """Each way that is possible, with dots whose area says how likely it is."""
+        modes = intention.modes
+        likely = [] if modes is None else np.argsort(-modes.probability)[:_MODES]
+        for slot in range(_MODES):
+            shown = modes is not None and slot < len(likely) and modes.probability[likely[slot]] > 0.01
+            self._show(f"mode/{slot}", time, bool(shown))
+            if not shown:
+                continue
+            path = modes.mean[likely[slot]]
+            size = math.sqrt(modes.probability[likely[slot]])
+            for index, entry in enumerate(np.linspace(0, len(path) - 1, _MODE_DOTS).round().astype(int)):
+                self._place(f"mode/{slot}/{index}", time, *path[entry].tolist(), 0.02)
+                self._scale(f"mode/{slot}/{index}", time, size, size)
 
     def _draw_command(
         self, time: float, name: str, pose: list[float], command: list[float], height: float

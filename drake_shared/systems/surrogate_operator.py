@@ -87,8 +87,8 @@ class SurrogateOperator(LeafSystem):
     """
 
     # Of the errors in direction, in [1/s], sideways position, in [1/m^2], and progress, in [1/s].
-    _DIRECTION_GAIN = 2.0
-    _OFFSET_GAIN = 2.5
+    _DIRECTION_GAIN = 1.7
+    _OFFSET_GAIN = 1.7
     _PROGRESS_GAIN = 0.8
     # In curves an operator slows down to turn no faster than this, in [rad/s].
     _COMFORTABLE_YAW_RATE = 1.5

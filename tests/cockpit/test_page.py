@@ -40,11 +40,12 @@ class Page:
         self.page.wait_for_selector("body[data-seat=yours]")
         return self
 
-    def push_forward(self, counts: int = 300, steps: int = 30):
-        """Moves the mouse away from the driver, as a hand does."""
-        self.page.mouse.move(300, 400)
+    def push_forward(self, counts: int = 250, steps: int = 25):
+        """Moves the mouse away from the driver, as a hand does, from the button that was clicked."""
+        box = self.page.locator("#drive").bounding_box()
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         for step in range(1, steps + 1):
-            self.page.mouse.move(300, 400 - counts * step / steps)
+            self.page.mouse.move(x, y - counts * step / steps)
 
     def wait_for_phase(self, phase: str):
         self.page.wait_for_selector(f"#deck[data-phase={phase}]")
@@ -208,8 +209,10 @@ def test_a_second_window_watches_and_the_freed_seat_needs_its_click(
     second.wait_for_text(STATUS, "Someone else is driving")
     assert second.page.is_disabled("#drive")
     shown = second.text("#time-left")
-    second.page.wait_for_function("(shown) => document.querySelector('#time-left').innerText < shown", arg=shown)
-    second.push_forward(counts=-300)
+    second.page.wait_for_function(
+        "(shown) => document.querySelector('#time-left').innerText < shown", arg=shown
+    )
+    second.push_forward()
     until(lambda: np.all(long_cockpit.command > 0), "the first to drive on")
     driving.page.keyboard.press("Escape")
     assert long_cockpit.next_trial().status == "stopped"

@@ -138,7 +138,9 @@ def test_a_page_from_elsewhere_gets_no_socket_even_with_the_cookie(server, clien
 def test_a_name_that_points_here_but_is_not_ours_is_refused(server, client):
     async def talk(http):
         await enter(http, server)
-        async with http.get(f"{origin_of(server)}/", headers={"Host": f"evil.example:{server.port}"}) as answer:
+        async with http.get(
+            f"{origin_of(server)}/", headers={"Host": f"evil.example:{server.port}"}
+        ) as answer:
             return answer.status
 
     assert client(talk) == 403
@@ -148,9 +150,7 @@ def test_a_forwarded_port_works(server, client):
     async def talk(http):
         path = server.address.partition("/?")[2]
         headers = {"Host": "localhost:9999"}
-        async with http.get(
-            f"{origin_of(server)}/?{path}", headers=headers, allow_redirects=False
-        ) as answer:
+        async with http.get(f"{origin_of(server)}/?{path}", headers=headers, allow_redirects=False) as answer:
             return answer.status
 
     assert client(talk) == 303
@@ -269,7 +269,9 @@ def test_a_silent_driver_loses_the_seat(meshcat, client):
 def test_what_a_page_says_to_drake_never_reaches_it(server, client, meshcat):
     async def talk(http):
         await enter(http, server)
-        async with http.ws_connect(f"{origin_of(server)}/", origin=origin_of(server), max_msg_size=0) as scene:
+        async with http.ws_connect(
+            f"{origin_of(server)}/", origin=origin_of(server), max_msg_size=0
+        ) as scene:
             assert (await scene.receive()).type is WSMsgType.BINARY
             # One such byte would end the process; a gamepad from a page would steer whoever reads it.
             await scene.send_bytes(b"\xc1")
@@ -302,7 +304,9 @@ def test_a_port_in_use_is_said_with_the_way_out(server, meshcat):
         other.start()
 
 
-@pytest.mark.parametrize(("options", "message"), [({"port": 70000}, "--port"), ({"host": "203.0.113.7"}, "--host")])
+@pytest.mark.parametrize(
+    ("options", "message"), [({"port": 70000}, "--port"), ({"host": "203.0.113.7"}, "--host")]
+)
 def test_an_address_that_cannot_be_listened_on_is_said(meshcat, options, message):
     server = CockpitServer(meshcat_url=meshcat.web_url(), seat=Seat(), **options)
     with pytest.raises(InputError, match=message):

@@ -230,8 +230,9 @@ def test_waiting_is_said(start_cockpit, short_floor, until):
 def test_a_folder_that_cannot_be_written_to_is_said_before_anything_starts(short_floor, tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    with pytest.raises(InputError, match="must be a folder to write to"), open_session(
-        short_floor, record=blocked
+    with (
+        pytest.raises(InputError, match="must be a folder to write to"),
+        open_session(short_floor, record=blocked),
     ):
         pass
 

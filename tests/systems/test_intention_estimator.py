@@ -88,7 +88,7 @@ def test_k_is_a_parameter_of_the_context(fake_learner):
     learner = fake_learner(WAY, variance=0.1, gain=40.0)
     bench = Bench(learner)
     other = bench.dut.CreateDefaultContext()
-    bench.dut.set_learner(bench.context, learner, 80.0)
+    bench.dut.set_learner(bench.context, learner, confidence_gain=80.0)
     bench.dut.GetInputPort("pose").FixValue(other, [0, 0, 0])
     assert bench.confidence == pytest.approx(1 / 8)
     assert bench.dut.GetOutputPort("confidence").Eval(other) == pytest.approx(1 / 4)
