@@ -1,8 +1,8 @@
 """Shared control for Drake: a person steers, a learner predicts where to, its confidence divides the command.
 
 The method is that of Amirshirzad, Ugur, Bebek and Oztop, "Adaptive Shared Control with Human Intention
-Estimation for Human Agent Collaboration" (2022). Every part is a Drake LeafSystem; ``MakeSharedControlDiagram``
-wires them.
+Estimation for Human Agent Collaboration" (2022). Every part is a Drake LeafSystem;
+``MakeSharedControlDiagram`` wires them.
 """
 
 from drake_shared.demonstrations import read_demonstrations, write_demonstrations

@@ -55,7 +55,7 @@ def ambiguity(trial: Trial, times: np.ndarray, demonstrations: np.ndarray) -> Am
     step = steps[own]
     others = [index for index in range(len(demonstrations)) if index != own]
     away = np.linalg.norm(demonstrations[others][:, step] - positions, axis=2)
-    # How far its way runs from theirs, whenever they come there: to drive one way at another pace is no parting.
+    # How far its way runs from theirs, whenever they come there: one way at another pace is no parting.
     apart = np.stack([cKDTree(demonstrations[index]).query(demonstrations[own])[0] for index in others])
     later = np.maximum.accumulate(apart[:, ::-1], axis=1)[:, ::-1][:, step]
     return Ambiguity(

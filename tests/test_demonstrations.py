@@ -252,7 +252,7 @@ def test_a_scorer_gives_each_demonstration_its_score():
 def test_a_scorer_is_found_by_module_and_function():
     assert load_scorer("numpy:sum") is np.sum
     for name in ("numpy", "numpy:", "no_such_module:f", "numpy:no_such_function"):
-        with pytest.raises(InputError, match='must be "module:function"|can be imported'):
+        with pytest.raises(InputError, match=r'must be "module:function"|can be imported'):
             load_scorer(name)
     with pytest.raises(InputError, match="must be callable"):
         load_scorer("numpy:pi")

@@ -223,9 +223,9 @@ class _Queries:
 
 def softplus(values: NDArray[np.float32]) -> NDArray[np.float32]:
     """log(1 + exp(v)); fresh."""
-    if values.size and not values.max() < 80.0:
+    if values.size and values.max() > 80.0:
         return np.logaddexp(values, np.float32(0.0))
-    # As exact in float32 for the mean and spread of a prediction, and twice as fast; but it would overflow.
+    # As exact in float32, and twice as fast; but it would overflow.
     result = np.exp(values)
     return np.log1p(result, out=result)
 

@@ -26,7 +26,8 @@ def beta_nll(
         beta: From 0 to 1.
 
     Returns:
-        What to minimise, and the plain negative log-likelihood per point (over x and y), in nats.
+        What to minimise, whose value means nothing (the square counts twice, for either gradient), and the
+        plain negative log-likelihood per point (over x and y), in nats.
     """
     fixed = sigma.detach()
     error = truth - mean

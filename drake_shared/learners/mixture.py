@@ -30,7 +30,8 @@ class MixtureLearner:
     the noise that training puts on positions. So no way is forgotten for having a low score, and a position
     between two ways speaks for both.
 
-    ``predict`` gives the mean and the total variance, within and between the ways; ``predict_modes`` the ways, too.
+    ``predict`` gives the mean and the total variance, within and between the ways; ``predict_modes`` the ways
+    as well.
     In the mean the better ways weigh more, by the sampling weights Pd of their demonstrations.
 
     Args:

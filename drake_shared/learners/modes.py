@@ -23,3 +23,8 @@ class Modes:
     mean: NDArray[np.float64]
     variance: NDArray[np.float64]
     aim: int
+
+    def by_probability(self) -> list[tuple[float, NDArray[np.float64]]]:
+        """Probability and mean (Q, 2), in [m], of each way, the likeliest first."""
+        order = np.argsort(-self.probability)
+        return [(float(self.probability[index]), self.mean[index]) for index in order]

@@ -44,7 +44,9 @@ class Optimisation:
     """A network, what it is taught, and how far it is.
 
     Attributes:
+        planned: Iterations, at the beginning of the run.
         iterations: Done so far.
+        held_out: How many demonstrations only judge.
         losses: Pairs of iteration and running mean loss, in nats per point with positions in m.
         ignores_observations: Whether it was found to predict the same whatever it is shown.
 
@@ -57,7 +59,7 @@ class Optimisation:
     def __init__(self, dataset: Dataset, parameters: TrainingParameters, seed: int) -> None:
         self.dataset, self.parameters, self.seed = dataset, parameters, seed
         self.scale, self.reference = _normalisation(dataset, centred=parameters.centred)
-        self.iterations = 0
+        self.planned = self.iterations = 0
         self.losses: list[list[float]] = []
         self.ignores_observations = False
         features = time_features(dataset.grid, float(dataset.grid[-1]), parameters.harmonics)
@@ -68,9 +70,10 @@ class Optimisation:
         paths = (dataset.positions - self.reference) / self.scale
         self._paths = torch.tensor(paths, dtype=torch.float32)
         held_out = _held_out(len(paths), parameters, seed)
+        self.held_out = int(held_out.sum())
         self._sampler = self._make_sampler(paths, ~held_out, parameters)
         self._judge: Batch | None = None
-        if held_out.any():
+        if self.held_out:
             plain = dataclasses.replace(parameters, batch=JUDGED, blending=0.0, even_spread=True)
             self._judge = self._make_sampler(paths, held_out, plain).draw()
         with torch.random.fork_rng(devices=[]):
@@ -102,6 +105,7 @@ class Optimisation:
         """
         p = self.parameters
         planned = total = p.iterations if deadline is None else self._plan(deadline)
+        self.planned = planned
         every, check = max(1, planned // 200), max(1, planned // CHECKS)
         # A mean over some 2,000 points, whatever the batch: one query's loss says little.
         memory = max(10.0, 2_000.0 / (p.batch * p.queries))

@@ -2,7 +2,8 @@
 
 A learner from outside is a class with a ``name``, the methods of `drake_shared.learners.Learner`, and
 
-- ``train(demonstrations, *, preset, weighted, seed, seconds, iterations, progress)``, a class method that returns one,
+- ``train(demonstrations, *, preset, weighted, seed, seconds, iterations, progress)``, a class method that
+  returns one,
 - ``to_file()``, which returns its tensors and a description that JSON can hold,
 - ``from_file(path, tensors, description)``, a class method that gives it back.
 

@@ -81,7 +81,9 @@ def train(
             metadata = training_metadata(demonstrations, dataset, chosen)
             record = metadata["training"]
             record |= {
+                "planned": run.planned,
                 "iterations": run.iterations,
+                "held_out": run.held_out,
                 "ignores_observations": run.ignores_observations,
                 "loss": run.losses,
             }

@@ -23,8 +23,8 @@ class Intention:
     Attributes:
         time: Now, by the clock of ``times``, in [s].
         times: Shape (N,), of the grid, in [s]; the same array at every step.
-        mean: Shape (N, 2), expected positions, in [m], world frame; NaN at or before ``time``. Of the way that
-            the driver is on, if the learner tells several apart.
+        mean: Shape (N, 2), expected positions, in [m], world frame; NaN at or before ``time``. Of the way
+            that the driver is on, if the learner tells several apart.
         variance: Shape (N, 2), in [m^2], within and between ways; NaN at or before ``time``.
         first: Index of the first entry that is later than ``time`` (the last one at the end).
         modes: The ways that are possible, from entry ``first`` on, if the learner tells several apart.
@@ -76,7 +76,7 @@ class IntentionEstimator(LeafSystem):
 
     Inputs:
         pose (3): [x, y, yaw] in [m, m, rad], world frame.
-        human_command (2): Wheel speeds [left, right] in [rad/s]; may be left open. It is evidence for learners
+        human_command (2): Wheel speeds [left, right] in [rad/s]; may be left open. Evidence for learners
             whose evidence is "pose+command", and not looked at for others.
 
     Outputs:
@@ -93,7 +93,7 @@ class IntentionEstimator(LeafSystem):
     State:
         progress (1): The time of the demonstrated point that was reached, in [s]; for learners whose clock
             is "progress". It is updated once a period.
-        expected (16): Where the pose alone made the robot expected at 8 moments of the task, for ``influence``.
+        expected (16): Where the pose alone made the robot expected at 8 moments of the task, in [m].
 
     All outputs come from one estimate, made when the first is asked for and kept until an input, a parameter
     or time changes.

@@ -20,6 +20,7 @@ SHARED_COLOR = (0.10, 0.62, 0.38)
 _PATH_DOTS = 36
 # Of each way that is possible beside the one aimed at, and of how many such ways.
 _MODE_DOTS, _MODES = 18, 5
+_LEAST_LIKELY = 0.01
 _COMMAND_DOTS = 5
 # How far ahead the arcs of the commands reach, in [s].
 _COMMAND_REACH = 1.0
@@ -129,16 +130,14 @@ class IntentionVisualizer(LeafSystem):
     def _draw_modes(self, time: float, intention: Intention) -> None:
         """Each way that is possible, with dots whose area says how likely it is."""
         modes = intention.modes
-        likely = [] if modes is None else np.argsort(-modes.probability)[:_MODES]
+        likely = [] if modes is None else [way for way in modes.by_probability() if way[0] > _LEAST_LIKELY]
         for slot in range(_MODES):
-            shown = modes is not None and slot < len(likely) and modes.probability[likely[slot]] > 0.01
-            self._show(f"mode/{slot}", time, bool(shown))
-            if not shown:
-                continue
-            path = modes.mean[likely[slot]]
-            size = math.sqrt(modes.probability[likely[slot]])
+            self._show(f"mode/{slot}", time, slot < len(likely))
+        for slot, (probability, path) in enumerate(likely[:_MODES]):
+            size = math.sqrt(probability)
             for index, entry in enumerate(np.linspace(0, len(path) - 1, _MODE_DOTS).round().astype(int)):
-                self._place(f"mode/{slot}/{index}", time, *path[entry].tolist(), 0.02)
+                x, y = path[entry].tolist()
+                self._place(f"mode/{slot}/{index}", time, x, y, 0.02)
                 self._scale(f"mode/{slot}/{index}", time, size, size)
 
     def _draw_command(

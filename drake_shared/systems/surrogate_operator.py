@@ -80,7 +80,8 @@ class SurrogateOperator(LeafSystem):
     The operator wants to be where an even pace along the route, with a smooth start and end, would be by
     now, slows down in sharp curves, and steers by the route's curvature ahead and the errors seen in
     direction and sideways position: yaw rate = v kappa + skill (k1 direction - k2 v offset). This is not the
-    law of the agent's controller, so agreement between the two is not built in. Noise is first-order coloured.
+    law of the agent's controller, so agreement between the two is not built in. Noise is coloured, of first
+    order.
 
     Args:
         scenario: Gives routes, robot, travel time and control period.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import collections
 import contextlib
 import os
-import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,16 +14,11 @@ import numpy as np
 import pytest
 
 from drake_shared.cockpit import Session, open_session
+from drake_shared.cockpit.latency import CHROMIUM_ARGUMENTS, find_chromium
 from drake_shared.scenario import Circle, Goal, Route, Scenario, Workspace
 from drake_shared.systems.mouse_input import MouseInput, StickSettings
 from drake_shared.trial import Trial
 
-# As root, without a screen, without a graphics card, and without calling home.
-CHROMIUM_ARGUMENTS = (
-    "--no-sandbox --disable-gpu --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
-    "--disable-quic --no-first-run --disable-background-networking --disable-component-update "
-    "--disable-sync"
-).split()
 PATIENCE = 30.0
 
 
@@ -223,25 +217,23 @@ def long_cockpit(_long_cockpit) -> RunningCockpit:
     return _long_cockpit
 
 
-def find_chromium() -> str | None:
-    given = os.environ.get("DRAKE_SHARED_CHROMIUM")
-    if given is not None:
-        return given or None
-    return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-
-
 @pytest.fixture(scope="session")
-def browser():
+def browser_path() -> str:
     path = find_chromium()
     if path is None:
         reason = "no Chromium: install it or set DRAKE_SHARED_CHROMIUM"
         if os.environ.get("CI"):
             pytest.fail(reason)
         pytest.skip(reason)
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser(browser_path):
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=CHROMIUM_ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=browser_path, args=list(CHROMIUM_ARGUMENTS))
         yield browser
         browser.close()
 

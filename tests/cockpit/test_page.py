@@ -203,24 +203,25 @@ def test_a_frozen_page_stops_the_robot_and_loses_the_seat(driving, long_cockpit)
 
 
 def test_a_second_window_watches_and_the_freed_seat_needs_its_click(
-    driving, long_cockpit, other_context, until
+    browser_context, other_context, long_cockpit, until
 ):
+    first = Page(browser_context, long_cockpit).open()
     second = Page(other_context, long_cockpit).open()
+    first.engage()
     second.wait_for_text(STATUS, "Someone else is driving")
     assert second.page.is_disabled("#drive")
-    shown = second.text("#time-left")
-    second.page.wait_for_function(
-        "(shown) => document.querySelector('#time-left').innerText < shown", arg=shown
-    )
+    first.push_forward()
+    until(lambda: np.all(long_cockpit.command > 0), "the first to drive")
+    second.wait_for_text("#time-left", r"^[1-5]?\d\.\d$")
     second.push_forward()
     until(lambda: np.all(long_cockpit.command > 0), "the first to drive on")
-    driving.page.keyboard.press("Escape")
+    first.page.keyboard.press("Escape")
     assert long_cockpit.next_trial().status == "stopped"
     second.wait_for_text("#outcome", "Stopped")
     second.page.wait_for_selector("#drive:enabled")
     assert long_cockpit.seat.holder is None
     second.engage()
-    driving.wait_for_text(STATUS, "Someone else is driving")
+    first.wait_for_text(STATUS, "Someone else is driving")
 
 
 def test_settings_take_effect_and_show_on_every_window(window, cockpit, until):

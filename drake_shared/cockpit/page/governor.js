@@ -6,11 +6,12 @@ import { FarCanvas } from "./far_canvas.js";
 const DEAR = 40; // ms from one frame to the next, above which drawing is slow
 const DEAR_FRAMES = 5; // in a row, and it is not a hiccup.
 const PAUSE = 2000; // ms; a gap as long says that the window was out of sight.
-const TOO_LONG = 70; // ms to draw a picture, above which the next is coarser,
+const TOO_LONG = 50; // ms to draw a picture, above which the next is coarser,
 const SHORT = 25; // and below which it may be finer again,
 const SHORT_PICTURES = 20; // if as many in a row are.
 const COARSEST = 0.5; // pixels drawn for a pixel of the screen, along each side
-const REST = 0.3; // of the time that a picture took, left to others before the next
+const REST = 0.3; // of the time that a picture took, left to others before the next;
+const LEAST = 100; // ms from picture to picture while someone drives
 
 export class Governor {
   #viewer;
@@ -57,7 +58,7 @@ export class Governor {
     if (this.#far.busy) {
       if (!this.#far.fetch()) return;
       const cost = now - this.#drawnAt;
-      this.#restUntil = now + REST * cost;
+      this.#restUntil = this.#hurried ? this.#drawnAt + LEAST : now + REST * cost;
       this.#inRow = cost < SHORT ? this.#inRow + 1 : 0;
       if (this.#hurried && cost > TOO_LONG) this.#draw(this.#ratio * 0.8);
       else if (this.#inRow > SHORT_PICTURES) this.#draw(this.#ratio * 1.25);
