@@ -7,9 +7,10 @@ import contextlib
 import errno
 import itertools
 import json
+import queue
 import socket
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -92,12 +93,15 @@ class CockpitServer:
         """
         listener = _listen(self.host, self.port)
         self.port = listener.getsockname()[1]
-        started = threading.Event()
+        started: queue.Queue[BaseException | None] = queue.Queue()
         self._thread = threading.Thread(
-            target=lambda: asyncio.run(self._serve(listener, started)), name="cockpit", daemon=True
+            target=self._run, args=(listener, started), name="cockpit", daemon=True
         )
         self._thread.start()
-        started.wait()
+        failure = started.get()
+        if failure is not None:
+            self._thread.join()
+            raise failure
         self.seat.listen(lambda: self._in_loop(self._tell_seat))
 
     def stop(self) -> None:
@@ -127,7 +131,14 @@ class CockpitServer:
             with contextlib.suppress(RuntimeError):  # Closed this very moment: nobody is left to be told.
                 self._loop.call_soon_threadsafe(function, *args)
 
-    async def _serve(self, listener: socket.socket, started: threading.Event) -> None:
+    def _run(self, listener: socket.socket, started: queue.Queue[BaseException | None]) -> None:
+        try:
+            asyncio.run(self._serve(listener, lambda: started.put(None)))
+        except BaseException as failure:
+            started.put(failure)
+            raise
+
+    async def _serve(self, listener: socket.socket, on_started: Callable[[], None]) -> None:
         self._loop = asyncio.get_running_loop()
         self._closing = asyncio.Event()
         app = web.Application(middlewares=[self._access.guard], client_max_size=4096)
@@ -138,7 +149,7 @@ class CockpitServer:
         runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=1.0)
         await runner.setup()
         await web.SockSite(runner, listener).start()
-        started.set()
+        on_started()
         watch = asyncio.create_task(self._watch())
         await self._closing.wait()
         watch.cancel()

@@ -34,15 +34,30 @@ def teach_by_mouse(
         InputError: The port is in use.
     """
     wanted = len(scenario.routes) if count is None else count
-    score = clearance_scorer(scenario)
-    driven: list[Demonstration] = []
-
-    def keep(trial: Trial) -> bool:
-        if trial.status == "reached" and not trial["contact"].any():
-            driven.append(demonstration_of(trial, score=score(trial.positions)))
-        return len(driven) >= wanted
-
-    drive(scenario, assist=False, host=host, port=port, open_browser=open_browser, on_trial=keep)
-    if not driven:
+    keeper = Keeper(scenario, wanted)
+    drive(scenario, assist=False, host=host, port=port, open_browser=open_browser, on_trial=keeper)
+    if not keeper.driven:
         raise RunError("no demonstration reached the goal without contact")
-    return Demonstrations(items=tuple(driven), metadata={"scenario": scenario.name, "operator": "MouseInput"})
+    return Demonstrations(
+        items=tuple(keeper.driven), metadata={"scenario": scenario.name, "operator": "MouseInput"}
+    )
+
+
+class Keeper:
+    """Keeps the trials that make demonstrations.
+
+    Args:
+        scenario: The task, which scores them.
+        wanted: How many are enough.
+    """
+
+    def __init__(self, scenario: Scenario, wanted: int) -> None:
+        self.driven: list[Demonstration] = []
+        self._score = clearance_scorer(scenario)
+        self._wanted = wanted
+
+    def __call__(self, trial: Trial) -> bool:
+        """Keeps ``trial`` if it is good, and says whether there are enough."""
+        if trial.status == "reached" and not trial["contact"].any():
+            self.driven.append(demonstration_of(trial, score=self._score(trial.positions)))
+        return len(self.driven) >= self._wanted

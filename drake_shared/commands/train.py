@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from drake_shared.commands.common import print_json, say
+from drake_shared.demonstration_figure import draw_weights
 from drake_shared.demonstrations import (
     Demonstrations,
     load_scorer,
@@ -26,6 +27,8 @@ class Train:
     """Safetensors file to write."""
     scenario: str | None = None
     """Scenario file, or the name of a shipped one; scores by clearance need its obstacles."""
+    learner: str = "cnmp"
+    """"cnmp", "mixture" (tells ways apart), "promp" (extra baselines), or one that others register."""
     preset: Literal["default", "paper"] = "default"
     """What works best, or the paper to the letter."""
     score: str | None = None
@@ -39,6 +42,8 @@ class Train:
     """Plans the iterations for this time and stops by then."""
     iterations: int | None = None
     """In place of the preset's; the same number gives the same learner."""
+    show_weights: Path | None = None
+    """Write a figure of scores and sampling weights here (PNG), as in the paper's Fig. 5."""
     json: bool = False
     """Print the training record as one JSON object."""
 
@@ -48,7 +53,13 @@ class Train:
 
         demonstrations = self._read()
         check_target(self.out)
-        from drake_shared.learners import save_learner, train
+        from drake_shared.learners import find_learner, save_learner, train
+
+        find_learner(self.learner, source="--learner")
+        if self.show_weights is not None:
+            check_target(self.show_weights)
+            draw_weights(demonstrations, self.show_weights)
+            say(f"wrote {self.show_weights}")
 
         with tqdm(unit="it", desc="training", disable=None) as bar:
 
@@ -59,6 +70,7 @@ class Train:
 
             learner = train(
                 demonstrations,
+                learner=self.learner,
                 preset=self.preset,
                 weighted=not self.unweighted,
                 seed=self.seed,
@@ -67,10 +79,11 @@ class Train:
                 progress=progress,
             )
         save_learner(learner, self.out)
-        record = learner.metadata["training"]
+        record = learner.metadata.get("training", {})
+        took = "" if "seconds" not in record else f" in {record['seconds']:.1f} s"
         say(
-            f"wrote {self.out}: {len(demonstrations)} demonstrations, {record['iterations']} iterations "
-            f"in {record['seconds']:.1f} s, K = {learner.confidence_gain:.4g} per m^2"
+            f"wrote {self.out}: {learner.name}, {len(demonstrations)} demonstrations{took}, "
+            f"K = {learner.confidence_gain:.4g} per m^2"
         )
         if self.json:
             print_json(

@@ -55,7 +55,9 @@ class ProbedMouse(MouseInput):
 class RunningCockpit:
     """A session under way in a thread."""
 
-    def __init__(self, scenario: Scenario, learner, record: Path, assist: bool):
+    def __init__(
+        self, scenario: Scenario, learner, record: Path, *, assist: bool = True, operator: str | None = None
+    ):
         self.scenario = scenario
         self.record = record
         self.trials: list[Trial] = []
@@ -64,6 +66,7 @@ class RunningCockpit:
         self.session: Session
         self._learner = learner
         self._assist = assist
+        self._operator = operator or self._make_mouse
         self._interrupted = threading.Event()
         self._opened = threading.Event()
         self._failure: BaseException | None = None
@@ -74,15 +77,11 @@ class RunningCockpit:
             self.stop()
 
     def _run(self):
-        def operator(source):
-            self.mouse = ProbedMouse(robot=self.scenario.robot, source=source)
-            return self.mouse
-
         try:
             with open_session(
                 self.scenario,
                 self._learner,
-                operator=operator,
+                operator=self._operator,
                 assist=self._assist,
                 record=self.record,
                 interrupted=self._interrupted,
@@ -95,6 +94,10 @@ class RunningCockpit:
             self._failure = failure
         finally:
             self._opened.set()
+
+    def _make_mouse(self, source):
+        self.mouse = ProbedMouse(robot=self.scenario.robot, source=source)
+        return self.mouse
 
     @property
     def address(self) -> str:
@@ -179,8 +182,8 @@ def short_floor() -> Scenario:
 def start_cockpit(tmp_path) -> Iterator[Callable[..., RunningCockpit]]:
     with contextlib.ExitStack() as stack:
 
-        def start(scenario: Scenario, learner=None, *, assist: bool = True) -> RunningCockpit:
-            cockpit = RunningCockpit(scenario, learner, tmp_path / "logs", assist)
+        def start(scenario: Scenario, learner=None, **options) -> RunningCockpit:
+            cockpit = RunningCockpit(scenario, learner, tmp_path / "logs", **options)
             stack.callback(cockpit.stop)
             return cockpit
 
@@ -190,7 +193,7 @@ def start_cockpit(tmp_path) -> Iterator[Callable[..., RunningCockpit]]:
 @pytest.fixture(scope="module")
 def _short_cockpit(tmp_path_factory, route_learner) -> Iterator[RunningCockpit]:
     scenario = make_short_floor()
-    cockpit = RunningCockpit(scenario, route_learner(scenario), tmp_path_factory.mktemp("logs"), True)
+    cockpit = RunningCockpit(scenario, route_learner(scenario), tmp_path_factory.mktemp("logs"))
     yield cockpit
     cockpit.stop()
 
@@ -198,7 +201,7 @@ def _short_cockpit(tmp_path_factory, route_learner) -> Iterator[RunningCockpit]:
 @pytest.fixture(scope="module")
 def _long_cockpit(tmp_path_factory, route_learner) -> Iterator[RunningCockpit]:
     scenario = make_long_floor()
-    cockpit = RunningCockpit(scenario, route_learner(scenario), tmp_path_factory.mktemp("logs"), True)
+    cockpit = RunningCockpit(scenario, route_learner(scenario), tmp_path_factory.mktemp("logs"))
     yield cockpit
     cockpit.stop()
 

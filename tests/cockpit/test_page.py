@@ -1,9 +1,9 @@
 """The page in a real browser: real mouse events drive the robot, and nothing else does."""
 
 import http.server
+import itertools
 import re
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -78,7 +78,7 @@ def assert_stopped_within(cockpit, since: float, limit: float = 0.2):
     """The command was zero at most ``limit`` after ``since``, but for what the machine itself stalled."""
     readings = list(cockpit.mouse.readings)
     stopped = next(now for now, _, command in readings if now > since and not command.any())
-    stall = max(b[0] - a[0] for a, b in zip(readings, readings[1:], strict=False))
+    stall = max(b[0] - a[0] for a, b in itertools.pairwise(readings))
     assert stopped - since <= limit + stall
 
 
@@ -213,7 +213,7 @@ def test_a_second_window_watches_and_the_freed_seat_needs_its_click(
     first.push_forward()
     until(lambda: np.all(long_cockpit.command > 0), "the first to drive")
     second.wait_for_text("#time-left", r"^[1-5]?\d\.\d$")
-    second.push_forward()
+    second.push_forward(steps=5)
     until(lambda: np.all(long_cockpit.command > 0), "the first to drive on")
     first.page.keyboard.press("Escape")
     assert long_cockpit.next_trial().status == "stopped"
@@ -318,6 +318,18 @@ def test_the_end_of_the_program_is_told(browser_context, start_cockpit, short_fl
     cockpit.stop()
     page.wait_for_text(STATUS, "The program has ended|Connection closed")
     assert page.page.is_disabled("#drive")
+
+
+def test_a_simulated_operator_is_watched(browser_context, start_cockpit, scenario, route_learner):
+    cockpit = start_cockpit(scenario, route_learner(scenario, variance=np.nan), operator="surrogate")
+    page = Page(browser_context, cockpit).open()
+    page.wait_for_text(STATUS, "The learner gives no numbers: the human drives alone")
+    assert not page.page.is_visible("#drive")
+    assert not page.page.is_visible("#settings")
+    page.wait_for_text("#legend .human", "Human")
+    page.wait_for_text("#human-share", "100 %")
+    page.wait_for_text("#confidence", "–")
+    assert page.complaints == []
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (800, 600)])

@@ -1,5 +1,6 @@
 """Trials in real time with a hand at the seat but no browser: how they start, end and are kept."""
 
+import itertools
 import signal
 import subprocess
 import sys
@@ -149,7 +150,7 @@ def test_a_driver_who_falls_silent_is_braked_for_and_loses_the_seat(long_cockpit
     readings = list(cockpit.mouse.readings)
     last = readings[-1][1]
     stopped = next(now for now, arrival, command in readings if arrival == last and not command.any())
-    stall = max(b[0] - a[0] for a, b in zip(readings, readings[1:], strict=False))
+    stall = max(b[0] - a[0] for a, b in itertools.pairwise(readings))
     assert stopped - last <= 0.2 + stall
     assert all(now - arrival <= 0.151 for now, arrival, command in readings if command.any())
     assert trial.status == "page_closed"

@@ -2,6 +2,7 @@
 
 const SEND_AT_MOST_EVERY = 4; // ms; gaming mice report up to 8000 times a second.
 const RELOCK_AFTER = 1400; // ms; Chromium refuses a lock for a while after Escape.
+const NO_ANSWER_AFTER = 1000; // ms
 
 export class Pad {
   x = 0;
@@ -42,13 +43,23 @@ export class Pad {
     if (document.pointerLockElement === this.#element) document.exitPointerLock();
   }
 
-  async #lock(options) {
-    try {
-      await this.#element.requestPointerLock(options);
-    } catch {
-      return false;
-    }
-    return document.pointerLockElement === this.#element;
+  // Asks for the pointer lock and says whether it was given; not every browser answers by a promise.
+  #lock(options) {
+    return new Promise((resolve) => {
+      const answers = new AbortController();
+      const done = () => {
+        answers.abort();
+        resolve(document.pointerLockElement === this.#element);
+      };
+      document.addEventListener("pointerlockchange", done, answers);
+      document.addEventListener("pointerlockerror", done, answers);
+      setTimeout(done, NO_ANSWER_AFTER);
+      try {
+        this.#element.requestPointerLock(options)?.catch(done);
+      } catch {
+        done();
+      }
+    });
   }
 
   #lockChanged() {

@@ -1,0 +1,47 @@
+"""ProMP as a baseline learner; left out where its package is not installed."""
+
+import numpy as np
+import pytest
+
+from drake_shared.demonstrations import Demonstration, Demonstrations
+from drake_shared.errors import InputError
+from drake_shared.learners import load_learner, promp, save_learner, train
+
+T = np.linspace(0.0, 10.0, 101)
+
+
+@pytest.fixture(scope="module")
+def fan():
+    """Twenty ways that leave (0, 0) in different directions, taught to a ProMP."""
+    pytest.importorskip("movement_primitives")
+    items = [
+        Demonstration(times=T, positions=np.stack([0.3 * T, slope * 0.3 * T], -1))
+        for slope in np.linspace(-0.5, 0.5, 20)
+    ]
+    return train(Demonstrations(items=tuple(items)), learner="promp")
+
+
+def test_one_point_tells_the_direction(fan):
+    mean, variance = fan.predict([5.0], [[1.5, 0.6]], fan.grid[60:])
+    np.testing.assert_allclose(mean[-1], [3.0, 1.2], atol=0.1)
+    _, before = fan.predict([], np.zeros((0, 2)), fan.grid[60:])
+    assert (variance[:, 1] < 0.1 * before[:, 1]).all()
+
+
+def test_round_trip_gives_the_same_bits(fan, tmp_path):
+    save_learner(fan, tmp_path / "p")
+    again = load_learner(tmp_path / "p")
+    at = ([5.0], [[1.5, 0.2]], fan.grid[60:])
+    np.testing.assert_array_equal(fan.predict(*at), again.predict(*at))
+    assert again.confidence_gain == fan.confidence_gain
+
+
+def test_what_is_no_number_predicts_none(fan):
+    mean, _ = fan.predict([5.0], [[np.nan, 0.0]], fan.grid[60:])
+    assert np.isnan(mean).all()
+
+
+def test_missing_package_is_said_with_the_extra_that_brings_it(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "movement_primitives.promp", None)
+    with pytest.raises(InputError, match=r"pip install 'drake_shared\[baselines\]'"):
+        promp._promp()
