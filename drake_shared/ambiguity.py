@@ -65,6 +65,16 @@ def ambiguity(trial: Trial, times: np.ndarray, demonstrations: np.ndarray) -> Am
     )
 
 
+def weights(parts: list[Ambiguity]) -> dict[str, float]:
+    """Mean w over the ambiguous and over the clear steps of all trials; NaN where there are none."""
+    named = {"weight_where_ambiguous": "ambiguous", "weight_where_clear": "clear"}
+    found = {
+        name: np.concatenate([part.human_weight[getattr(part, kind)] for part in parts])
+        for name, kind in named.items()
+    }
+    return {name: float(values.mean()) if values.size else float("nan") for name, values in found.items()}
+
+
 def ranking(parts: list[Ambiguity]) -> float:
     """Area under the ROC curve of w as a sign of ambiguity against clarity, over all steps of all trials.
 

@@ -35,11 +35,12 @@ def write_figure(report: Report, path: str | os.PathLike[str]) -> None:
 
 def draw(report: Report) -> Figure:
     """A row of panels for each group: ratios as bars, errors and growth as curves."""
-    rows = max(1, len(report.groups))
-    heights = [_height(group) for group in report.groups] or [2.0]
-    figure = Figure(figsize=(11.0, sum(heights)), layout="constrained")
-    panels = figure.subplots(rows, 2, squeeze=False, gridspec_kw={"height_ratios": heights})
-    for group, (left, right) in zip(report.groups, panels, strict=False):
+    heights = [_height(group) for group in report.groups]
+    figure = Figure(figsize=(14.0, sum(heights)), layout="constrained")
+    # A row by itself: the long names of one are not to narrow the panels of another.
+    rows = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)
+    for group, row in zip(report.groups, rows[:, 0], strict=True):
+        left, right = row.subplots(1, 2)
         _draw_ratios(left, group)
         _draw_right(right, group)
     load = report.machine.get("load_before")
@@ -134,6 +135,6 @@ def _label(axes: Axes, x: str, y: str) -> None:
     axes.set_yscale("log")
     axes.set_xlabel(x, fontsize=8)
     axes.set_ylabel(y, fontsize=8)
-    axes.tick_params(labelsize=8)
+    axes.tick_params(which="both", labelsize=8)
     if axes.get_legend_handles_labels()[0]:
         axes.legend(fontsize=6.5, loc="upper left" if axes.get_title(loc="left") else "best")

@@ -78,21 +78,27 @@ class Evaluate:
             _print(result)
 
     def _judge(self, scenario, learner) -> dict[str, Any]:
+        from drake_shared.ambiguity import ambiguity, ranking, weights
         from drake_shared.evaluation import calibration_of_confidence, judge_confidence
         from drake_shared.trial import Simulation, TrialSettings
 
         simulation = Simulation(scenario, learner=learner)
         ways = _ways(scenario, learner)
-        parts = []
+        parts, ambiguities = [], []
         for index in range(self.trials):
             route = scenario.routes[index % len(scenario.routes)]
             if route.name not in ways:
                 continue
             trial = simulation.run(TrialSettings(route=route.name, seed=self.seed + index))
             parts.append(judge_confidence(learner, trial, ways[route.name]))
+            if len(learner.demonstrations) > 1:
+                ambiguities.append(ambiguity(trial, learner.grid, learner.demonstrations))
         if not parts:
             raise InputError("evaluate", "trials", "need a route of the scenario that was demonstrated")
-        return calibration_of_confidence(parts)
+        judged = calibration_of_confidence(parts)
+        if ambiguities:
+            judged |= {**weights(ambiguities), "ambiguity_ranking": ranking(ambiguities)}
+        return judged
 
 
 def _ways(scenario, learner) -> dict[str, int]:
@@ -118,5 +124,6 @@ def _print(result: dict[str, Any]) -> None:
     if "confidence" in result:
         judged = result["confidence"]
         print("  over shared trials of a simulated operator:")
-        for name in ("expected_calibration_error", "confident_and_wrong"):
-            print(f"  {name:28s} {judged[name]:9.4g}")
+        for name, value in judged.items():
+            if name != "bins":
+                print(f"  {name:28s} {value:9.4g}")
