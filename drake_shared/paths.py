@@ -32,6 +32,8 @@ class Path:
         self._spacing = self.length / (count - 1)
         u = np.interp(np.arange(count) * self._spacing, arc, fine)
         self._points = curve(u)
+        # The same as complex numbers, which numpy subtracts and measures in one go each.
+        self._plane = self._points[:, 0] + 1j * self._points[:, 1]
         dx, dy = curve(u, 1).T
         ddx, ddy = curve(u, 2).T
         headings = np.unwrap(np.arctan2(dy, dx))
@@ -55,8 +57,7 @@ class Path:
     def nearest(self, x: float, y: float, *, between: tuple[float, float]) -> float:
         """Arc length, in [m], of the point nearest to (``x``, ``y``) in an interval of arc lengths."""
         first, last = self._index(between[0]), self._index(between[1]) + 1
-        offset = self._points[first:last] - (x, y)
-        return (first + int(np.einsum("ij,ij->i", offset, offset).argmin())) * self._spacing
+        return (first + int(np.abs(self._plane[first:last] - complex(x, y)).argmin())) * self._spacing
 
     def _index(self, arc_length: float) -> int:
         return min(max(round(arc_length / self._spacing), 0), len(self._frames) - 1)

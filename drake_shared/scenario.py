@@ -1,6 +1,7 @@
 """The world of a task: robot, start, goal, workspace, obstacles and the routes between them."""
 
 import dataclasses
+import functools
 import json
 import math
 import os
@@ -117,7 +118,13 @@ class Route:
 
     def path(self, start: Start) -> RoutePath:
         """The curve through the waypoints, leaving in the direction in which the robot stands."""
-        return RoutePath(np.array(self.waypoints, dtype=float), heading=start.yaw)
+        return _curve(tuple(map(tuple, self.waypoints)), start.yaw)
+
+
+@functools.lru_cache(maxsize=64)
+def _curve(waypoints: tuple[tuple[float, ...], ...], heading: float) -> RoutePath:
+    """Made once: every trial asks for it, and it never changes."""
+    return RoutePath(np.array(waypoints, dtype=float), heading=heading)
 
 
 @dataclasses.dataclass(kw_only=True)

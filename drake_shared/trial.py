@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib.metadata
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,8 @@ import pyarrow.parquet as pq
 from pydrake.common import RandomGenerator
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder, EventStatus, LeafSystem
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus, LeafSystem
+from pydrake.systems.primitives import VectorLog
 from threadpoolctl import threadpool_limits
 
 from drake_shared.demonstrations import LOG_FORMAT, METADATA_KEY
@@ -24,7 +26,7 @@ from drake_shared.diagram import LOG_COLUMNS, AddSharedControl
 from drake_shared.errors import InputError
 from drake_shared.files import replacing
 from drake_shared.learners import Learner
-from drake_shared.scenario import Scenario
+from drake_shared.scenario import Goal, Scenario
 from drake_shared.systems.confidence_blender import MODES
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
@@ -187,7 +189,8 @@ class RunningTrial:
         self.root = root
         self._log = parts.log_sink.FindLog(root)
         if settings.end == "reached":
-            self.simulator.set_monitor(self._stop_at_goal)
+            # Not a method of this object: it owns the Simulator, and Python cannot see that cycle to free it.
+            self.simulator.set_monitor(_goal_monitor(simulation.diagram, self._log, self._goal))
         self.simulator.Initialize()
 
     @property
@@ -202,8 +205,7 @@ class RunningTrial:
         The pose itself will not do: an operator with a period of its own makes steps between the rows, at
         which it is already that of the row to come, and the log would end before its robot is there.
         """
-        x, y = self._log.data()[:2, -1]
-        return math.hypot(x - self._goal.x, y - self._goal.y) <= self._goal.radius
+        return _at_goal(self._log, self._goal)
 
     @property
     def status(self) -> str | None:
@@ -231,11 +233,6 @@ class RunningTrial:
         columns["contact"] = columns["contact"] > 0.5
         described = self._describe() | metadata
         return Trial(columns=columns, metadata=described | {"status": status or self.status or "stopped"})
-
-    def _stop_at_goal(self, root) -> EventStatus:
-        if self.reached:
-            return EventStatus.ReachedTermination(self.simulation.diagram, "the goal is reached")
-        return EventStatus.DidNothing()
 
     def _describe(self) -> dict[str, Any]:
         scenario, learner, settings = self.simulation.scenario, self.simulation.learner, self.settings
@@ -337,6 +334,21 @@ def _check_metadata(metadata: Mapping[str, Any], path: str | os.PathLike[str]) -
             raise InputError(path, field, f"must be one of {', '.join(names)}", repr(metadata[field]))
 
 
+def _at_goal(log: VectorLog, goal: Goal) -> bool:
+    x, y = log.data()[:2, -1].tolist()
+    return math.hypot(x - goal.x, y - goal.y) <= goal.radius
+
+
+def _goal_monitor(diagram: Diagram, log: VectorLog, goal: Goal) -> Callable[[Context], EventStatus]:
+    def stop_at_goal(_: Context) -> EventStatus:
+        if _at_goal(log, goal):
+            return EventStatus.ReachedTermination(diagram, "the goal is reached")
+        return EventStatus.DidNothing()
+
+    return stop_at_goal
+
+
+@functools.cache
 def _version(package: str) -> str:
     try:
         return importlib.metadata.version(package)

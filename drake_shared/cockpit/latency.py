@@ -206,6 +206,7 @@ class _Drive:
                 self._scenario,
                 self._learner,
                 operator=self._make_mouse,
+                assist=False,
                 interrupted=self._interrupted,
                 say=lambda _: None,
                 on_trial=self.trials.put,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 
@@ -27,9 +25,9 @@ class ProgressClock:
         tolerance: float = 0.03,
     ) -> None:
         self._times = np.asarray(times, dtype=float)
-        # Time first, so that a window of the search is one block of memory.
-        self._x = np.ascontiguousarray(demonstrations[:, :, 0].T)
-        self._y = np.ascontiguousarray(demonstrations[:, :, 1].T)
+        # As complex numbers, which numpy subtracts and measures in one go each; time first, so that a window
+        # of the search is one block of memory.
+        self._paths = np.ascontiguousarray((demonstrations[:, :, 0] + 1j * demonstrations[:, :, 1]).T)
         self._horizon = horizon
         self._tolerance = tolerance
 
@@ -37,10 +35,9 @@ class ProgressClock:
         """The time now, in [s], of a robot at (``x``, ``y``) in [m] that had reached the time ``reached``."""
         first = int(self._times.searchsorted(reached))
         last = max(int(self._times.searchsorted(reached + self._horizon, side="right")), first + 1)
-        dx = self._x[first:last] - x
-        dy = self._y[first:last] - y
-        squares = (dx * dx + dy * dy).min(axis=1)
-        close = np.flatnonzero(squares <= (math.sqrt(squares.min()) + self._tolerance) ** 2)
-        if not close.size:  # The position is no number.
+        distances = np.abs(self._paths[first:last] - complex(x, y)).min(axis=1).tolist()
+        near = min(distances) + self._tolerance
+        close = [index for index, distance in enumerate(distances) if distance <= near]
+        if not close:  # The position is no number.
             return reached
         return max(reached, float(self._times[first + int(close[-1])]))
