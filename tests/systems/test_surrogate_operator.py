@@ -107,7 +107,7 @@ def test_a_blind_operator_fails_where_a_good_one_does_not(scenario):
     simulation = Simulation(scenario)
 
     def successes(skill: float) -> int:
-        behaviour = Behaviour(skill=skill, noise=0.3)
+        behaviour = Behaviour(skill=skill, noise=0.4)
         settings = [
             TrialSettings(mode="human", route="right_left", seed=seed, behaviour=behaviour)
             for seed in range(5)
