@@ -82,5 +82,5 @@ def test_a_learner_from_outside_trains_saves_loads_and_drives(outside):
 
 
 def test_an_entry_point_that_fails_to_import_says_so(outside):
-    with pytest.raises(InputError, match="'broken'.*cannot be imported.*no_such_module"):
+    with pytest.raises(InputError, match=r"'broken'.*cannot be imported.*no_such_module"):
         find_learner("broken")
