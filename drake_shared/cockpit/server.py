@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import itertools
 import json
 import queue
@@ -17,6 +16,8 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from drake_shared.cockpit.access import Access, is_loopback
+from drake_shared.cockpit.audience import Audience, Page
+from drake_shared.cockpit.listening import listen
 from drake_shared.cockpit.meshcat_proxy import MeshcatProxy
 from drake_shared.cockpit.messages import (
     MAX_BYTES,
@@ -30,7 +31,6 @@ from drake_shared.cockpit.messages import (
     parse,
 )
 from drake_shared.cockpit.seat import LET_GO, LOST, Seat
-from drake_shared.errors import InputError
 
 DEFAULT_PORT = 8080
 MAX_PAGES = 32
@@ -65,9 +65,8 @@ class CockpitServer:
         self.port = port
         self._access = Access(host=host, token=token)
         self._meshcat = MeshcatProxy(meshcat_url)
-        self._pages: dict[int, _Page] = {}
+        self._audience = Audience()
         self._numbers = itertools.count(1)
-        self._latest: dict[str, str] = {}
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
         self._closing: asyncio.Event | None = None
@@ -83,7 +82,7 @@ class CockpitServer:
     @property
     def pages(self) -> int:
         """How many pages are connected."""
-        return len(self._pages)
+        return len(self._audience)
 
     def start(self) -> None:
         """Listens, and returns as soon as pages are served.
@@ -91,7 +90,7 @@ class CockpitServer:
         Raises:
             InputError: The port is in use, or the address is not one of this computer.
         """
-        listener = _listen(self.host, self.port)
+        listener = listen(self.host, self.port)
         self.port = listener.getsockname()[1]
         started: queue.Queue[BaseException | None] = queue.Queue()
         self._thread = threading.Thread(
@@ -124,7 +123,7 @@ class CockpitServer:
         A page that connects later is told the last of every topic.
         """
         text = json.dumps({"type": topic, **content}, allow_nan=False)
-        self._in_loop(self._spread, topic, text)
+        self._in_loop(self._audience.tell, topic, text)
 
     def _in_loop(self, function, *args: Any) -> None:
         if self._loop is not None and not self._loop.is_closed():
@@ -153,7 +152,7 @@ class CockpitServer:
         watch = asyncio.create_task(self._watch())
         await self._closing.wait()
         watch.cancel()
-        await asyncio.gather(*(page.close(WSCloseCode.GOING_AWAY, "ended") for page in self._pages.values()))
+        await self._audience.close_all()
         await runner.cleanup()
 
     async def _watch(self) -> None:
@@ -161,11 +160,11 @@ class CockpitServer:
         while True:
             await asyncio.sleep(_WATCH_PERIOD)
             number = self.seat.expire()
-            if number is not None and number in self._pages:
-                await self._pages[number].close(WSCloseCode.POLICY_VIOLATION, "no sign of life")
+            if number is not None:
+                await self._audience.close(number, WSCloseCode.POLICY_VIOLATION, "no sign of life")
 
     async def _drive(self, request: web.Request) -> web.StreamResponse:
-        if len(self._pages) >= MAX_PAGES:
+        if len(self._audience) >= MAX_PAGES:
             raise web.HTTPServiceUnavailable(text="Too many pages are open.")
         # The library closes what is beyond its own limit without a word; below that we say why.
         connection = web.WebSocketResponse(
@@ -173,10 +172,8 @@ class CockpitServer:
         )
         await connection.prepare(request)
         number = next(self._numbers)
-        page = _Page(connection)
-        self._pages[number] = page
-        for topic, text in self._latest.items():
-            page.tell(topic, text)
+        page = Page(connection)
+        self._audience.add(number, page)
         self._tell_seat()
         writer = asyncio.create_task(page.write())
         try:
@@ -193,7 +190,7 @@ class CockpitServer:
                     await page.close(WSCloseCode.POLICY_VIOLATION, str(error))
                     break
         finally:
-            del self._pages[number]
+            self._audience.remove(number)
             self.seat.leave(number, LOST)
             writer.cancel()
         return connection
@@ -224,7 +221,7 @@ class CockpitServer:
             "return_time": stick.return_time,
             "assist": self.seat.assist,
         }
-        for number, page in self._pages.items():
+        for number, page in self._audience:
             state = "free" if self.seat.holder is None else "taken"
             if not self.seat.open:
                 state = "none"
@@ -232,56 +229,3 @@ class CockpitServer:
                 state = "yours"
             page.tell("seat", json.dumps({"type": "seat", "state": state, "refused": number == refused}))
             page.tell("settings", json.dumps(settings))
-
-    def _spread(self, topic: str, text: str) -> None:
-        self._latest[topic] = text
-        for page in self._pages.values():
-            page.tell(topic, text)
-
-
-class _Page:
-    """One page's connection, with the newest of each topic that it has not been sent yet."""
-
-    def __init__(self, connection: web.WebSocketResponse) -> None:
-        self._connection = connection
-        self._unsent: dict[str, str] = {}
-        self._wake = asyncio.Event()
-
-    def tell(self, topic: str, text: str) -> None:
-        self._unsent[topic] = text
-        self._wake.set()
-
-    async def write(self) -> None:
-        while True:
-            await self._wake.wait()
-            self._wake.clear()
-            while self._unsent:
-                topic = next(iter(self._unsent))
-                try:
-                    await self._connection.send_str(self._unsent.pop(topic))
-                except ConnectionError:
-                    return
-
-    async def close(self, code: int, reason: str) -> None:
-        await self._connection.close(code=code, message=reason.encode()[:120])
-
-
-def _listen(host: str, port: int) -> socket.socket:
-    if not 0 <= port <= 65535:
-        raise InputError("--port", "", "must be from 0 to 65535", port)
-    try:
-        family, *_, address = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM)[0]
-        listener = socket.socket(family, socket.SOCK_STREAM)
-    except OSError as error:
-        raise InputError(f"--host {host}", "", f"must be an address of this computer ({error})") from error
-    try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(address)
-        listener.listen(64)
-    except OSError as error:
-        listener.close()
-        if error.errno == errno.EADDRINUSE:
-            expected = f"is in use on {host}; choose another with --port"
-            raise InputError(f"port {port}", "", expected) from error
-        raise InputError(f"--host {host}", "", f"must be an address of this computer ({error})") from error
-    return listener

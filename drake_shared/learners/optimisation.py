@@ -26,8 +26,8 @@ from drake_shared.learners.sampling import Batch, Sampler
 Progress = Callable[[int, int, float], None]
 """Takes the iterations done, those planned, and the running mean loss in nats per point."""
 
-REACH = 3.0
-"""Beyond so many times the noise of observations, distance from all demonstrations is doubt."""
+LEAST_NOISE = 0.05
+"""Relative; for lengths that are counted in the noise, where there is none."""
 RISE = 0.1
 """Share of a one-cycle schedule in which the learning rate rises."""
 CHECKS = 50
@@ -146,14 +146,21 @@ class Optimisation:
                 break
         self.ignores_observations = self._ignores()
 
-    def export(self, *, confidence_gain: float, metadata: Mapping[str, Any]) -> CnmpLearner:
+    def export(
+        self, *, confidence_gain: float, metadata: Mapping[str, Any], doubtful: float | None = None
+    ) -> CnmpLearner:
         """The learner as it is now.
 
         Args:
             confidence_gain: K of eq. (1), in [1/m^2].
             metadata: For its file.
+            doubtful: Variance that leaves hardly any confidence, in [m^2]; default: the demonstrations' own.
         """
         p, dataset = self.parameters, self.dataset
+        noise = max(p.noise, LEAST_NOISE) * dataset.spread
+        doubt_gain = 0.0
+        if p.doubt_within > 0.0:
+            doubt_gain = (doubtful or dataset.spread**2) / (p.doubt_within * noise) ** 2
         encoder, decoder = self._network.export()
         model = CnmpModel(
             preset=p.preset,
@@ -167,8 +174,8 @@ class Optimisation:
             sigma_floor=self._floor,
             demonstrations=dataset.positions,
             weights=dataset.weights,
-            doubt_reach=REACH * (p.noise or 1.0) * dataset.spread,
-            doubt_gain=p.distance_gain,
+            doubt_reach=p.doubt_from * noise or dataset.spread,
+            doubt_gain=doubt_gain,
             confidence_gain=confidence_gain,
             metadata=metadata,
         )

@@ -48,7 +48,8 @@ class TrainingParameters:
         relative_floor: Says in which unit the floor is.
         even_spread: Whether sigma is learnt from demonstrations drawn evenly while the mean leans to the
             better ones. If not, Pd decides which demonstrations are drawn, as in the paper.
-        distance_gain: How steeply distance from all demonstrations raises the variance; 0 never.
+        doubt_from, doubt_within: Distance from all demonstrations raises the variance beyond so many times
+            the noise, and within so many more makes the confidence 0.05; 0 never does.
         clock: What consumers are to take as the time of an observation: "time" or "progress".
         evidence: What they are to show the learner: "pose" or "pose+command".
         restarts: How often a learner that ignores what it is shown is begun again from another seed.
@@ -79,7 +80,8 @@ class TrainingParameters:
     sigma_floor: float
     relative_floor: bool
     even_spread: bool
-    distance_gain: float
+    doubt_from: float
+    doubt_within: float
     clock: str
     evidence: str
     restarts: int
@@ -93,7 +95,7 @@ PRESETS = {
     # To the letter of Alg. 1 of Amirshirzad et al. 2022, with the network that public CNMP codes use.
     "paper": TrainingParameters(
         preset="paper",
-        iterations=12_000,
+        iterations=15_000,
         batch=1,
         queries=1,
         observations=5,
@@ -106,7 +108,7 @@ PRESETS = {
         encoder=(128, 128, 128),
         aggregation="mean",
         decoder=(128, 128),
-        learning_rate=3e-4,
+        learning_rate=1e-3,
         schedule="constant",
         beta=0.0,
         plain_share=1.0,
@@ -117,7 +119,8 @@ PRESETS = {
         sigma_floor=0.01,
         relative_floor=False,
         even_spread=False,
-        distance_gain=0.0,
+        doubt_from=0.0,
+        doubt_within=0.0,
         clock="time",
         evidence="pose",
         restarts=0,
@@ -150,7 +153,8 @@ PRESETS = {
         sigma_floor=0.01,
         relative_floor=True,
         even_spread=True,
-        distance_gain=25.0,
+        doubt_from=3.0,
+        doubt_within=1.5,
         clock="progress",
         evidence="pose+command",
         restarts=3,

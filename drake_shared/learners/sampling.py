@@ -79,7 +79,8 @@ class Sampler:
         paths = self._blended(chosen)
         number = torch.randint(1, p.observations + 1, (p.batch,), generator=generator)
         number[: int(p.single_share * p.batch)] = 1
-        owners = torch.repeat_interleave(torch.arange(p.batch), number)
+        # torch's own repeat_interleave takes a third of the time of a whole iteration.
+        owners = torch.from_numpy(np.repeat(np.arange(p.batch), number.numpy()))
         when = torch.randint(steps, (len(owners),), generator=generator)
         seen = paths[owners, when]
         if self._noise > 0.0:

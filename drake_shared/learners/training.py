@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.errors import InputError
-from drake_shared.learners.calibration import calibrate
+from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
 from drake_shared.learners.cnmp import CnmpLearner
 from drake_shared.learners.dataset import Dataset, make_dataset
 from drake_shared.learners.optimisation import Optimisation, Progress
@@ -36,6 +36,7 @@ def train(
     progress: Progress | None = None,
     duration: float | None = None,
     parameters: TrainingParameters | None = None,
+    begun: float | None = None,
 ) -> CnmpLearner:
     """Trains a CNMP.
 
@@ -53,12 +54,13 @@ def train(
         progress: Called now and then.
         duration: T, in [s]; default: that of the longest demonstration.
         parameters: In place of the preset's.
+        begun: When the seconds began to count, by `time.perf_counter`; default: now.
 
     Raises:
         InputError: An argument or a score is not what it must be.
         RunError: The loss became NaN or infinite.
     """
-    begun = time.perf_counter()
+    begun = time.perf_counter() if begun is None else begun
     chosen = parameters or find_parameters(preset)
     if iterations is not None:
         chosen = dataclasses.replace(chosen, iterations=iterations)
@@ -96,7 +98,7 @@ def train(
     finally:
         torch.set_num_threads(threads)
     record["seconds"] = round(time.perf_counter() - begun, 3)
-    return run.export(confidence_gain=gain, metadata=metadata)
+    return run.export(confidence_gain=gain, metadata=metadata, doubtful=1.0 / (LEAST_CONFIDENCE * gain))
 
 
 def check_options(parameters: TrainingParameters, *, seconds: float | None, seed: int) -> None:

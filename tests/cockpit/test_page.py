@@ -31,8 +31,8 @@ class Page:
         self.page.goto(self.cockpit.address)
         self.page.wait_for_selector("#deck[data-phase]:not([data-phase=connecting])")
         if not drawn:
-            # Without a graphics card drawing takes most of the time, and most tests do not look.
-            self.page.evaluate("viewer.animate = () => {}")
+            # Without a graphics card the scene takes most of the time, and most tests do not look.
+            self.page.evaluate("viewer.animate = () => {}; do_reconnect = false; viewer.connection.close()")
         return self
 
     def engage(self) -> "Page":
@@ -65,13 +65,23 @@ def window(browser_context, cockpit):
     return lambda **options: Page(browser_context, cockpit).open(**options)
 
 
+@pytest.fixture(scope="module")
+def lasting_pages(lasting_context):
+    """The windows that tests leave open for the next."""
+    return []
+
+
 @pytest.fixture
-def driving(browser_context, long_cockpit, until):
+def driving(lasting_pages, lasting_context, long_cockpit, until):
     """A window whose driver pushes forward, with the robot under way and the goal far."""
-    page = Page(browser_context, long_cockpit).open().engage()
+    if not lasting_pages or lasting_pages[-1].page.is_closed():
+        lasting_pages.append(Page(lasting_context, long_cockpit).open())
+    page = lasting_pages[-1].engage()
     page.push_forward()
     until(lambda: np.all(long_cockpit.command > 0), "the robot to be driven")
-    return page
+    yield page
+    if not page.page.is_closed():
+        page.page.keyboard.press("Escape")
 
 
 def assert_stopped_within(cockpit, since: float, limit: float = 0.2):
@@ -93,6 +103,16 @@ def assert_kept_and_at_rest(cockpit, trial, status):
     assert cockpit.seat.holder is None
 
 
+# How many colours the picture of the scene has, where it can be read: with a graphics card it cannot.
+COLORS = """() => {
+  const canvas = document.querySelector("#meshcat-pane canvas.far");
+  if (!canvas) return Infinity;
+  const { width, height } = canvas;
+  const pixels = new Uint32Array(canvas.getContext("2d").getImageData(0, 0, width, height).data.buffer);
+  return new Set(pixels).size;
+}"""
+
+
 def test_the_mouse_drives_to_the_goal_and_the_page_tells_how_it_went(window, cockpit):
     page = window(drawn=True)
     assert page.page.url == cockpit.origin + "/"
@@ -103,8 +123,10 @@ def test_the_mouse_drives_to_the_goal_and_the_page_tells_how_it_went(window, coc
     assert page.page.evaluate("document.pointerLockElement?.id") == "pad"
     assert page.page.is_visible("#pad")
     page.wait_for_text(STATUS, "first move")
+    assert page.page.evaluate(COLORS) > 5
     page.push_forward()
     page.wait_for_phase("finished")
+    assert page.page.evaluate(COLORS) > 5
     trial = cockpit.next_trial()
     assert trial.status == "reached"
     assert trial["mouse_y"][-1] < 0
@@ -210,10 +232,11 @@ def test_a_second_window_watches_and_the_freed_seat_needs_its_click(
     first.engage()
     second.wait_for_text(STATUS, "Someone else is driving")
     assert second.page.is_disabled("#drive")
-    first.push_forward()
+    first.page.keyboard.down("ArrowUp")
     until(lambda: np.all(long_cockpit.command > 0), "the first to drive")
     second.wait_for_text("#time-left", r"^[1-5]?\d\.\d$")
-    second.push_forward(steps=5)
+    second.page.keyboard.press("ArrowDown")
+    second.push_forward(steps=2)
     until(lambda: np.all(long_cockpit.command > 0), "the first to drive on")
     first.page.keyboard.press("Escape")
     assert long_cockpit.next_trial().status == "stopped"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from drake_shared.learners import confidence, mean_variance
+from drake_shared.learners import confidence, mean_variance, train
 from drake_shared.learners.cnmp import CnmpLearner, aggregate, softplus
 from drake_shared.learners.dataset import make_dataset
 from drake_shared.learners.features import time_features
@@ -113,10 +113,11 @@ def test_shapes_that_do_not_fit_are_refused(learner, shapes):
         learner.predict(*(np.zeros(shape) for shape in shapes))
 
 
-def test_far_from_every_demonstration_it_doubts_and_the_farther_the_more(learner):
+def test_far_from_every_demonstration_it_doubts_and_the_farther_the_more(make_bows):
+    learner = train(make_bows([0.6, -0.6]), iterations=200)
     spreads = []
     for away in (0.0, 0.5, 5.0, 100.0):
-        _, variance = learner.predict([2.0], [[2.0, 1.0 + away]], learner.grid)
+        _, variance = learner.predict([2.0], [[2.0, 0.6 + away]], learner.grid)
         spreads.append(mean_variance(learner.grid, variance, 2.0))
     assert all(np.diff(spreads) > 0.0)
     assert confidence(spreads[0], learner.confidence_gain) > 0.9

@@ -1,6 +1,8 @@
 """Eq. (1) by hand."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -50,3 +52,9 @@ def test_trained_learners_offer_the_interface(learner, paper_learner):
     assert learner.duration == 4.0
     for shared in (learner.grid, learner.demonstrations):
         assert not shared.flags.writeable
+
+
+def test_to_use_a_learner_needs_no_torch():
+    code = "import sys, drake_shared.learners as l; l.find_learner('cnmp'); print('torch' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "False"

@@ -59,6 +59,9 @@ export class FarCanvas {
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, this.#buffer);
     gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, this.#pixels);
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+    // Another size clears a canvas: not before there is a picture to fill it.
+    if (this.#shown.width !== width) this.#shown.width = width;
+    if (this.#shown.height !== height) this.#shown.height = height;
     // Rows come bottom first; the style sheet turns the canvas over.
     const picture = new ImageData(new Uint8ClampedArray(this.#pixels.buffer), width, height);
     this.#shown.getContext("2d").putImageData(picture, 0, 0);
@@ -68,8 +71,6 @@ export class FarCanvas {
   #resize(width, height) {
     const gl = this.#gl;
     this.#size = [width, height];
-    this.#shown.width = width;
-    this.#shown.height = height;
     this.#pixels = new Uint8Array(4 * width * height);
     gl.deleteBuffer(this.#buffer);
     this.#buffer = gl.createBuffer();

@@ -2,7 +2,6 @@
 
 const SEND_AT_MOST_EVERY = 4; // ms; gaming mice report up to 8000 times a second.
 const RELOCK_AFTER = 1400; // ms; Chromium refuses a lock for a while after Escape.
-const NO_ANSWER_AFTER = 1000; // ms
 
 export class Pad {
   x = 0;
@@ -43,23 +42,16 @@ export class Pad {
     if (document.pointerLockElement === this.#element) document.exitPointerLock();
   }
 
-  // Asks for the pointer lock and says whether it was given; not every browser answers by a promise.
-  #lock(options) {
-    return new Promise((resolve) => {
-      const answers = new AbortController();
-      const done = () => {
-        answers.abort();
-        resolve(document.pointerLockElement === this.#element);
-      };
-      document.addEventListener("pointerlockchange", done, answers);
-      document.addEventListener("pointerlockerror", done, answers);
-      setTimeout(done, NO_ANSWER_AFTER);
-      try {
-        this.#element.requestPointerLock(options)?.catch(done);
-      } catch {
-        done();
-      }
-    });
+  // Asks for the pointer lock and says whether it was given.
+  async #lock(options) {
+    try {
+      const answer = this.#element.requestPointerLock(options);
+      // Where the browser promises nothing, events tell; where it does, they come late and confuse.
+      await (answer ?? oneOf(document, ["pointerlockchange", "pointerlockerror"]));
+    } catch {
+      return false;
+    }
+    return document.pointerLockElement === this.#element;
   }
 
   #lockChanged() {
@@ -81,4 +73,10 @@ export class Pad {
     this.#last = performance.now();
     this.onMove();
   }
+}
+
+function oneOf(target, events) {
+  return new Promise((resolve) => {
+    for (const event of events) target.addEventListener(event, resolve, { once: true });
+  });
 }
