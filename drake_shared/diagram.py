@@ -138,7 +138,8 @@ def AddSharedControl(
         looks = MeshcatVisualizerParams(role=Role.kIllustration, prefix="scene", publish_period=period)
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, looks)
         visualizer = builder.AddNamedSystem(
-            "intention_visualizer", IntentionVisualizer(meshcat=meshcat, robot=scenario.robot, period=period)
+            "intention_visualizer",
+            IntentionVisualizer(meshcat=meshcat, robot=scenario.robot, period=2 * period),
         )
         shown = {
             "pose": pose,

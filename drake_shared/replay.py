@@ -60,7 +60,9 @@ def write_replay(trial: Trial, path: str | os.PathLike[str], *, learner: Learner
             learner=learner or NoLearner(scenario.duration), robot=scenario.robot, period=period
         )
     )
-    visualizer = builder.AddSystem(IntentionVisualizer(meshcat=meshcat, robot=scenario.robot, period=period))
+    visualizer = builder.AddSystem(
+        IntentionVisualizer(meshcat=meshcat, robot=scenario.robot, period=2 * period)
+    )
     builder.Connect(playback.GetOutputPort("geometry_pose"), scene_graph.get_source_pose_port(source))
     for name in ("pose", "human_command"):
         builder.Connect(playback.GetOutputPort(name), estimator.GetInputPort(name))

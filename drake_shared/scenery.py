@@ -37,6 +37,7 @@ def draw_scenery(meshcat: Meshcat, scenario: Scenario) -> None:
     meshcat.SetTransform("scenery/start", RigidTransform([scenario.start.x, scenario.start.y, 0.003]))
     meshcat.SetProperty("/Grid", "visible", False)
     meshcat.SetProperty("/Axes", "visible", False)
+    meshcat.SetProperty("/Background", "visible", True)
     for end in ("top_color", "bottom_color"):
         meshcat.SetProperty("/Background/<object>", end, [0.90, 0.91, 0.92])
     # Even light: from straight above a lamp only paints a bright spot on the floor.

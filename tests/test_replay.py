@@ -37,8 +37,8 @@ def test_the_page_shows_robot_obstacles_goal_way_and_prediction(page):
         b"scenery/goal",
         b"scenery/start",
         b"/way",
-        b"intention/mean/0",
-        b"intention/spread/35",
+        b"intention/path/0/mean",
+        b"intention/path/29/spread",
         b"intention/halo/human",
     ):
         assert path in told, path

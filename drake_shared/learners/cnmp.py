@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from collections.abc import Mapping
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -64,7 +64,7 @@ class CnmpLearner:
     def train(cls, demonstrations: Demonstrations, **options: Any) -> CnmpLearner:
         """Trains one; see `drake_shared.learners.training.train` for the options. Imports torch."""
         # To import torch takes seconds, which count.
-        begun = time.perf_counter()
+        begun = perf_counter()
         from drake_shared.learners.training import train
 
         return train(demonstrations, begun=begun, **options)

@@ -17,7 +17,9 @@ HUMAN_COLOR = (0.95, 0.62, 0.07)
 AGENT_COLOR = (0.16, 0.50, 0.88)
 SHARED_COLOR = (0.10, 0.62, 0.38)
 
-_PATH_DOTS = 36
+_PATH_DOTS = 30
+# What is scaled has this radius, in [m]: small, so that nobody minds it where a scale has not arrived yet.
+_UNIT = 0.05
 # Of each way that is possible beside the one aimed at, and of how many such ways.
 _MODE_DOTS, _MODES = 18, 5
 _LEAST_LIKELY = 0.01
@@ -60,7 +62,7 @@ class IntentionVisualizer(LeafSystem):
     """
 
     def __init__(
-        self, *, meshcat: Meshcat, robot: Robot, period: float = 0.05, prefix: str = "intention"
+        self, *, meshcat: Meshcat, robot: Robot, period: float = 0.1, prefix: str = "intention"
     ) -> None:
         super().__init__()
         self._meshcat = meshcat
@@ -80,21 +82,26 @@ class IntentionVisualizer(LeafSystem):
 
     def _make_objects(self) -> None:
         radius = self._robot.footprint_radius + 0.06
+        # A transform puts the scale of what it moves back to 1: what is scaled is the child of what is moved.
         self._disc("halo/agent", radius, 0.004, (*AGENT_COLOR, 0.75))
-        self._disc("halo/human", radius, 0.004, (*HUMAN_COLOR, 1.0))
+        self._disc("halo/human", radius, 0.004, (*HUMAN_COLOR, 1.0), height=0.004)
         for index in range(_PATH_DOTS):
-            self._disc(f"spread/{index}", 1.0, 0.002, (*AGENT_COLOR, 0.10))
-            self._disc(f"mean/{index}", 0.022, 0.02, (*AGENT_COLOR, 1.0))
+            self._disc(f"path/{index}/spread", _UNIT, 0.002, (*AGENT_COLOR, 0.10))
+            self._disc(f"path/{index}/mean", 0.022, 0.02, (*AGENT_COLOR, 1.0), height=0.015)
         for mode in range(_MODES):
             for index in range(_MODE_DOTS):
-                self._disc(f"mode/{mode}/{index}", 0.045, 0.004, (*AGENT_COLOR, 0.45))
+                self._disc(f"mode/{mode}/{index}/dot", _UNIT, 0.004, (*AGENT_COLOR, 0.45))
         colors = {"human": HUMAN_COLOR, "autonomous": AGENT_COLOR, "shared": SHARED_COLOR}
         for name, color in colors.items():
             for index in range(_COMMAND_DOTS):
                 self._disc(f"{name}/{index}", 0.035 - 0.004 * index, 0.02, (*color, 1.0))
 
-    def _disc(self, name: str, radius: float, height: float, color: tuple[float, ...]) -> None:
-        self._meshcat.SetObject(f"{self._prefix}/{name}", Cylinder(radius, height), Rgba(*color))
+    def _disc(
+        self, name: str, radius: float, thickness: float, color: tuple[float, ...], *, height: float = 0.0
+    ) -> None:
+        path = f"{self._prefix}/{name}"
+        self._meshcat.SetObject(path, Cylinder(radius, thickness), Rgba(*color))
+        self._meshcat.SetTransform(path, RigidTransform([0.0, 0.0, height]))
 
     def _draw(self, context: Context) -> None:
         time = context.get_time()
@@ -112,7 +119,6 @@ class IntentionVisualizer(LeafSystem):
         self._place("halo", time, pose[0], pose[1], 0.01)
         # The human's disc lies on the agent's, and its share of the area is the share of control.
         self._scale("halo/human", time, max(math.sqrt(weight), 1e-3), max(math.sqrt(weight), 1e-3))
-        self._place("halo/human", time, 0.0, 0.0, 0.004)
 
     def _draw_path(self, time: float, intention: Intention) -> None:
         picked = np.linspace(intention.first, len(intention.times) - 1, _PATH_DOTS).round().astype(int)
@@ -120,12 +126,11 @@ class IntentionVisualizer(LeafSystem):
             x, y = intention.mean[entry].tolist()
             sigma = np.sqrt(intention.variance[entry]).tolist()
             known = math.isfinite(x + y + sum(sigma))
-            self._show(f"mean/{index}", time, known)
-            self._show(f"spread/{index}", time, known)
+            self._show(f"path/{index}", time, known)
             if known:
-                self._place(f"mean/{index}", time, x, y, 0.03)
-                self._place(f"spread/{index}", time, x, y, 0.015 + 2e-4 * index)
-                self._scale(f"spread/{index}", time, max(sigma[0], 0.02), max(sigma[1], 0.02))
+                self._place(f"path/{index}", time, x, y, 0.015 + 2e-4 * index)
+                wide, tall = (max(value, 0.02) / _UNIT for value in sigma)
+                self._scale(f"path/{index}/spread", time, wide, tall)
 
     def _draw_modes(self, time: float, intention: Intention) -> None:
         """Each way that is possible, with dots whose area says how likely it is."""
@@ -138,7 +143,7 @@ class IntentionVisualizer(LeafSystem):
             for index, entry in enumerate(np.linspace(0, len(path) - 1, _MODE_DOTS).round().astype(int)):
                 x, y = path[entry].tolist()
                 self._place(f"mode/{slot}/{index}", time, x, y, 0.02)
-                self._scale(f"mode/{slot}/{index}", time, size, size)
+                self._scale(f"mode/{slot}/{index}/dot", time, size, size)
 
     def _draw_command(
         self, time: float, name: str, pose: list[float], command: list[float], height: float

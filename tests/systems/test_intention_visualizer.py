@@ -1,6 +1,7 @@
 """IntentionVisualizer, with a stand-in for Meshcat that notes what it is told."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -12,6 +13,9 @@ from drake_shared.systems.intention_estimator import NOTHING_YET, Intention
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
 
 ROBOT = Robot()
+
+
+DOT = re.compile(r"intention/path/\d+")
 
 
 class FakeMeshcat:
@@ -75,7 +79,7 @@ def test_makes_all_objects_at_the_start_and_then_only_moves_them(bench):
 
 def test_dots_lie_on_the_path_expected_from_now_to_the_end(bench):
     meshcat = bench.draw(intention=Value(expecting(first=31)))
-    dots = np.array([place for path, place in meshcat.places.items() if path.startswith("intention/mean/")])
+    dots = np.array([place for path, place in meshcat.places.items() if DOT.fullmatch(path)])
     np.testing.assert_allclose(dots[:, 1], dots[:, 0] / 3, atol=1e-12)
     assert dots[:, 0].min() == pytest.approx(0.93)
     assert dots[:, 0].max() == pytest.approx(4.5)
@@ -83,17 +87,28 @@ def test_dots_lie_on_the_path_expected_from_now_to_the_end(bench):
 
 def test_the_spread_is_drawn_by_its_standard_deviations(bench):
     meshcat = bench.draw(intention=Value(expecting(variance=[0.04, 0.09])))
-    assert meshcat.properties["intention/spread/3", "scale"] == pytest.approx([0.2, 0.3, 1.0])
-    np.testing.assert_allclose(
-        meshcat.places["intention/spread/3"][:2], meshcat.places["intention/mean/3"][:2]
-    )
+    radius = meshcat.objects["intention/path/3/spread"].radius()
+    wide, tall, _ = meshcat.properties["intention/path/3/spread", "scale"]
+    assert [wide * radius, tall * radius] == pytest.approx([0.2, 0.3])
+    # It moves with the dot of the mean, whose parent is its own.
+    np.testing.assert_array_equal(meshcat.places["intention/path/3/spread"], 0)
+
+
+def test_what_is_scaled_is_never_moved(bench):
+    """A transform puts the scale of what it moves back to 1."""
+    meshcat = bench.meshcat
+    moved_before = {path: tuple(place) for path, place in meshcat.places.items()}
+    bench.draw(intention=Value(expecting(first=40)), pose=[1.0, 0.5, 0.3], human_weight=[0.4])
+    scaled = {path for path, name in meshcat.properties if name == "scale"}
+    assert scaled
+    assert all(tuple(meshcat.places[path]) == moved_before[path] for path in scaled)
 
 
 def test_where_nothing_is_expected_nothing_is_shown(bench):
-    assert not bench.meshcat.visible("intention/mean/0")
-    assert not bench.meshcat.visible("intention/spread/35")
-    assert bench.draw(intention=Value(expecting())).visible("intention/mean/0")
-    assert not bench.draw(intention=Value(expecting(variance=math.nan))).visible("intention/mean/0")
+    assert not bench.meshcat.visible("intention/path/0")
+    assert not bench.meshcat.visible("intention/path/29")
+    assert bench.draw(intention=Value(expecting())).visible("intention/path/0")
+    assert not bench.draw(intention=Value(expecting(variance=math.nan))).visible("intention/path/0")
 
 
 @pytest.mark.parametrize("weight", [1.0, 0.25, 0.0])
