@@ -111,6 +111,7 @@ class Optimisation:
         memory = max(10.0, 2_000.0 / (p.batch * p.queries))
         unit = 2.0 * math.log(self.scale)
         running, best, best_at, begun = 0.0, math.inf, 0, time.perf_counter()
+        lately = 0.0  # Sum over the iterations since progress was judged.
         for iteration in range(planned):
             fraction = iteration / total
             for group in self._optimiser.param_groups:
@@ -119,6 +120,7 @@ class Optimisation:
             if not math.isfinite(nll):
                 raise RunError(f"training diverged: the loss is {nll} after {iteration} iterations")
             running += (nll - running) / min(iteration + 1.0, memory)
+            lately += nll
             self.iterations = iteration + 1
             if iteration % every == 0 or iteration + 1 == total:
                 self.losses.append([iteration + 1, round(running, 4)])
@@ -136,7 +138,8 @@ class Optimisation:
                 if iteration + 1 + left < 0.98 * total:
                     total = iteration + 1 + max(left, 0)
             if p.patience > 0.0 and iteration % check == check - 1:
-                judged = running if self._judge is None else self._judged() + unit
+                judged = lately / check if self._judge is None else self._judged() + unit
+                lately = 0.0
                 if judged < best - LEAST_PROGRESS:
                     best, best_at = judged, iteration
                 elif iteration - best_at > p.patience * planned:
