@@ -231,11 +231,12 @@ class Optimisation:
         trial = Optimisation(self.dataset, self.parameters, self.seed)
         spent: list[float] = []
         begun = time.perf_counter()
-        while len(spent) < 40 and (not spent or time.perf_counter() < begun + 0.05 * (deadline - begun)):
+        while len(spent) < 80 and (not spent or time.perf_counter() < begun + 0.05 * (deadline - begun)):
             start = time.perf_counter()
             trial._step(0.0)
             spent.append(time.perf_counter() - start)
-        return max(1, int((deadline - time.perf_counter()) / float(np.median(spent))))
+        # The first are slow, and a plan that is too long is cut; one that is too short wastes time.
+        return max(1, int((deadline - time.perf_counter()) / float(np.percentile(spent, 25))))
 
     def _ignores(self) -> bool:
         """Whether it predicts the same whatever it is shown, where the demonstrations lie apart."""
