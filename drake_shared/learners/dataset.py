@@ -94,6 +94,15 @@ def resample(demonstration: Demonstration, grid: NDArray[np.float64]) -> NDArray
     return np.stack([np.interp(grid, times, demonstration.positions[:, axis]) for axis in (0, 1)], axis=-1)
 
 
+def normalisation(dataset: Dataset, *, centred: bool) -> tuple[float, NDArray[np.float64]]:
+    """What positions are counted in, in [m], and from, shape (N, 2): the same for x and y."""
+    if centred:
+        return dataset.spread, dataset.mean_path
+    corners = dataset.positions.reshape(-1, 2)
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    return 0.5 * dataset.extent or 1.0, np.broadcast_to(middle, dataset.mean_path.shape).copy()
+
+
 def _digest(demonstrations: Demonstrations) -> str:
     digest = hashlib.sha256()
     for item in demonstrations:

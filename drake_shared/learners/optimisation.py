@@ -16,12 +16,12 @@ from torch import Tensor
 from drake_shared.errors import RunError
 from drake_shared.learners.cnmp import CnmpLearner
 from drake_shared.learners.cnmp_model import CnmpModel
-from drake_shared.learners.dataset import Dataset
+from drake_shared.learners.dataset import Dataset, normalisation
 from drake_shared.learners.features import time_features
 from drake_shared.learners.loss import beta_nll
 from drake_shared.learners.network import CnmpNetwork
 from drake_shared.learners.parameters import TrainingParameters
-from drake_shared.learners.sampling import Batch, Sampler
+from drake_shared.learners.sampling import Batch, Sampler, hold_out
 
 Progress = Callable[[int, int, float], None]
 """Takes the iterations done, those planned, and the running mean loss in nats per point."""
@@ -34,8 +34,8 @@ CHECKS = 50
 """How often in a training progress is judged."""
 LEAST_PROGRESS = 0.02
 """Less than this, in nats per point, is none."""
-ENOUGH, HELD_OUT, JUDGED = 60, 0.1, 256
-"""From so many demonstrations on, this share of them is held out, and progress judged by so many samples."""
+JUDGED = 256
+"""Progress is judged by so many samples of demonstrations that are held out, if any are."""
 CLOSING = 0.2
 """Share of the plan that is left to a training that is cut short, for the learning rate to fall."""
 
@@ -58,7 +58,7 @@ class Optimisation:
 
     def __init__(self, dataset: Dataset, parameters: TrainingParameters, seed: int) -> None:
         self.dataset, self.parameters, self.seed = dataset, parameters, seed
-        self.scale, self.reference = _normalisation(dataset, centred=parameters.centred)
+        self.scale, self.reference = normalisation(dataset, centred=parameters.centred)
         self.planned = self.iterations = 0
         self.losses: list[list[float]] = []
         self.ignores_observations = False
@@ -69,7 +69,7 @@ class Optimisation:
             self._floor *= dataset.spread
         paths = (dataset.positions - self.reference) / self.scale
         self._paths = torch.tensor(paths, dtype=torch.float32)
-        held_out = _held_out(len(paths), parameters, seed)
+        held_out = hold_out(len(paths), seed) & (parameters.patience > 0.0)
         self.held_out = int(held_out.sum())
         self._sampler = self._make_sampler(paths, ~held_out, parameters)
         self._judge: Batch | None = None
@@ -251,20 +251,3 @@ class Optimisation:
         said = float((mean - mean.mean(dim=0)).square().mean())
         there = float((self._paths - self._paths.mean(dim=0)).square().mean())
         return said < 0.1 * there
-
-
-def _normalisation(dataset: Dataset, *, centred: bool) -> tuple[float, NDArray[np.float64]]:
-    """What positions are counted in, in [m], and from, shape (N, 2): the same for x and y."""
-    if centred:
-        return dataset.spread, dataset.mean_path
-    corners = dataset.positions.reshape(-1, 2)
-    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-    return 0.5 * dataset.extent or 1.0, np.broadcast_to(middle, dataset.mean_path.shape).copy()
-
-
-def _held_out(count: int, parameters: TrainingParameters, seed: int) -> NDArray[np.bool_]:
-    """Which of the demonstrations are held out, shape (m,)."""
-    chosen = np.zeros(count, dtype=bool)
-    if count >= ENOUGH and parameters.patience > 0.0:
-        chosen[np.random.default_rng(seed).permutation(count)[: round(HELD_OUT * count)]] = True
-    return chosen

@@ -12,6 +12,9 @@ from torch import Tensor
 from drake_shared.learners.blending import make_blend
 from drake_shared.learners.parameters import TrainingParameters
 
+ENOUGH, HELD_OUT = 60, 0.1
+"""From so many demonstrations on, this share of them is held out."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Batch:
@@ -102,3 +105,11 @@ class Sampler:
         strays *= self._spreads[chosen]
         parts = self._shares[chosen] * (1.0 - strays.sum(dim=1, keepdim=True)) + strays
         return (parts @ self._paths.flatten(start_dim=1)).view(len(chosen), *self._paths.shape[1:])
+
+
+def hold_out(count: int, seed: int) -> NDArray[np.bool_]:
+    """Which of ``count`` demonstrations are held out, shape (m,): a tenth, if there are 60 or more."""
+    chosen = np.zeros(count, dtype=bool)
+    if count >= ENOUGH:
+        chosen[np.random.default_rng(seed).permutation(count)[: round(HELD_OUT * count)]] = True
+    return chosen

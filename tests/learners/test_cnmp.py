@@ -5,7 +5,8 @@ import pytest
 import torch
 
 from drake_shared.learners import confidence, mean_variance, train
-from drake_shared.learners.cnmp import CnmpLearner, aggregate, softplus
+from drake_shared.learners.arithmetic import aggregate, softplus
+from drake_shared.learners.cnmp import CnmpLearner
 from drake_shared.learners.dataset import make_dataset
 from drake_shared.learners.features import time_features
 from drake_shared.learners.network import aggregate as torch_aggregate
