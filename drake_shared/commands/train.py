@@ -38,6 +38,8 @@ class Train:
     """Draw all demonstrations alike, whatever their scores."""
     seed: int = 0
     """Of the first weights and of everything drawn."""
+    members: int = 1
+    """More than one trains an ensemble of a "cnmp", whose disagreement widens the prediction."""
     seconds: float | None = None
     """Plans the iterations for this time and stops by then."""
     iterations: int | None = None
@@ -71,6 +73,7 @@ class Train:
             learner = train(
                 demonstrations,
                 learner=self.learner,
+                members=self.members,
                 preset=self.preset,
                 weighted=not self.unweighted,
                 seed=self.seed,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from drake_shared.demonstrations import Demonstrations
+from drake_shared.errors import InputError
 from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.interface import Learner, confidence, mean_variance
 from drake_shared.learners.parameters import PRESETS, TrainingParameters
@@ -29,16 +30,25 @@ __all__ = [
 ]
 
 
-def train(demonstrations: Demonstrations, *, learner: str = "cnmp", **options: Any) -> Learner:
+def train(
+    demonstrations: Demonstrations, *, learner: str = "cnmp", members: int = 1, **options: Any
+) -> Learner:
     """Trains a learner.
 
     Args:
         demonstrations: At least one.
         learner: "cnmp", "mixture", "promp" or one that is registered; see `drake_shared.learners.registry`.
+        members: More than one makes an ensemble of a "cnmp"; see `drake_shared.learners.ensemble`.
         options: preset, weighted, seed, seconds, iterations, progress; `drake_shared.learners.training.train`
             says what they mean.
 
     Raises:
         InputError: There is no such learner, or it cannot be taught so.
     """
+    if learner == "cnmp" and members != 1:
+        learner = "ensemble"
+    if learner == "ensemble" and members != 1:
+        options["members"] = members
+    elif members != 1:
+        raise InputError("train", "members", f"must be 1 for {learner!r}: ensembles are of 'cnmp'", members)
     return find_learner(learner, source="train").train(demonstrations, **options)

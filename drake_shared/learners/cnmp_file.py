@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -74,6 +74,41 @@ def cnmp_from_file(path: Path, tensors: Tensors, description: Mapping[str, Any])
         metadata=description,
         **numbers,
     )
+
+
+def cnmps_to_file(
+    models: Sequence[CnmpModel], part: str
+) -> tuple[dict[str, NDArray[Any]], list[dict[str, Any]]]:
+    """Tensors of several models, each under the name of its ``part`` and number, and their descriptions."""
+    tensors: dict[str, NDArray[Any]] = {}
+    descriptions = []
+    for index, model in enumerate(models):
+        own, description = cnmp_to_file(model)
+        tensors |= {f"{part}.{index}.{name}": tensor for name, tensor in own.items()}
+        descriptions.append(description)
+    return tensors, descriptions
+
+
+def cnmps_from_file(
+    path: Path, tensors: Tensors, description: Mapping[str, Any], part: str
+) -> list[CnmpModel]:
+    """The models that `cnmps_to_file` wrote as ``part``, described in the field of its plural.
+
+    Raises:
+        InputError: Something in one of them does not fit, there is none, or their grids differ.
+    """
+    field = f"{part}s"
+    described = description.get(field)
+    if not isinstance(described, list) or not described or not all(isinstance(d, dict) for d in described):
+        raise InputError(path, field, f"must describe at least one {part}")
+    models = []
+    for index, one in enumerate(described):
+        prefix = f"{part}.{index}."
+        own = {name.removeprefix(prefix): t for name, t in tensors.items() if name.startswith(prefix)}
+        models.append(cnmp_from_file(path, own, one))
+    if any(not np.array_equal(model.grid, models[0].grid) for model in models):
+        raise InputError(path, field, "must share one grid")
+    return models
 
 
 def _architecture(path: Path, description: Mapping[str, Any]) -> tuple[int, list[int], str, list[int]]:

@@ -21,13 +21,14 @@ def beta_nll(
     mean, while sigma sees all alike and so covers also those that the mean leans away from.
 
     Args:
-        mean, sigma, truth: Shape (B, Q, 2).
-        lean: Shape (B, 1, 1).
+        mean, sigma, truth: Shape (E, B, Q, 2), of E learners.
+        lean: Shape (E, B, 1, 1).
         beta: From 0 to 1.
 
     Returns:
-        What to minimise, whose value means nothing (the square counts twice, for either gradient), and the
-        plain negative log-likelihood per point (over x and y), in nats.
+        What to minimise, the sum over learners, whose value means nothing (the square counts twice, for
+        either gradient); and of each learner the plain negative log-likelihood per point (over x and y), in
+        nats, shape (E,).
     """
     fixed = sigma.detach()
     error = truth - mean
@@ -36,5 +37,5 @@ def beta_nll(
     if beta > 0.0:
         terms = terms * fixed ** (2.0 * beta)
     with torch.no_grad():
-        nll = of_sigma.detach().sum(dim=-1).mean() + math.log(2.0 * math.pi)
-    return terms.sum(dim=-1).mean(), nll
+        nll = of_sigma.detach().sum(dim=-1).mean(dim=(1, 2)) + math.log(2.0 * math.pi)
+    return terms.sum(dim=-1).mean(dim=(1, 2)).sum(), nll

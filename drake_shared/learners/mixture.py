@@ -13,7 +13,7 @@ from drake_shared.demonstrations import Demonstrations
 from drake_shared.errors import InputError
 from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.cnmp import CnmpLearner
-from drake_shared.learners.cnmp_file import cnmp_from_file, cnmp_to_file
+from drake_shared.learners.cnmp_file import cnmps_from_file, cnmps_to_file
 from drake_shared.learners.fields import number_of, tensor_of
 from drake_shared.learners.modes import Modes
 
@@ -119,12 +119,8 @@ class MixtureLearner:
 
     def to_file(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Tensors and description for `save_learner`."""
-        tensors: dict[str, NDArray[Any]] = {"shares": self._shares, "leanings": self._leanings}
-        descriptions = []
-        for index, expert in enumerate(self.experts):
-            parts, description = cnmp_to_file(expert.model)
-            tensors |= {f"expert.{index}.{name}": tensor for name, tensor in parts.items()}
-            descriptions.append(description)
+        tensors, descriptions = cnmps_to_file([expert.model for expert in self.experts], "expert")
+        tensors |= {"shares": self._shares, "leanings": self._leanings}
         numbers = {"noise": self._noise, "duration": self.duration, "preset": self.preset}
         return tensors, {**self.metadata, **numbers, "experts": descriptions}
 
@@ -137,18 +133,9 @@ class MixtureLearner:
         Raises:
             InputError: Something in it does not fit.
         """
-        parts = description.get("experts")
-        if not isinstance(parts, list) or not parts or not all(isinstance(part, dict) for part in parts):
-            raise InputError(path, "experts", "must describe at least one expert")
-        experts = []
-        for index, part in enumerate(parts):
-            prefix = f"expert.{index}."
-            own = {name.removeprefix(prefix): t for name, t in tensors.items() if name.startswith(prefix)}
-            experts.append(CnmpLearner(cnmp_from_file(path, own, part)))
-        if any(not np.array_equal(expert.grid, experts[0].grid) for expert in experts):
-            raise InputError(path, "experts", "must share one grid")
-        shares = tensor_of(path, tensors, "shares", (len(parts),))
-        leanings = tensor_of(path, tensors, "leanings", (len(parts),))
+        experts = [CnmpLearner(model) for model in cnmps_from_file(path, tensors, description, "expert")]
+        shares = tensor_of(path, tensors, "shares", (len(experts),))
+        leanings = tensor_of(path, tensors, "leanings", (len(experts),))
         if np.any(shares <= 0) or np.any(leanings <= 0):
             raise InputError(path, "shares, leanings", "must be above 0")
         return cls(

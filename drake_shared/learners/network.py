@@ -1,4 +1,4 @@
-"""The network of the CNMP in torch, for training alone."""
+"""The network of the CNMP in torch, for training alone: several of them, computed as one."""
 
 from __future__ import annotations
 
@@ -7,59 +7,95 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
-Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
+from drake_shared.learners.cnmp_model import Layer
+
+TorchLayer = tuple[Tensor, Tensor]
+"""Weights (E, inputs, outputs) and biases (E, 1, outputs)."""
 
 
-class CnmpNetwork(nn.Module):
-    """Encoder, aggregation of the observations' codes, decoder.
+class CnmpNetwork:
+    """Encoder, aggregation of the observations' codes, decoder: E networks of one shape.
+
+    Networks as small as these keep a processor waiting for its instructions; E of them in one batched product
+    cost far less than E times one.
 
     Args:
         features: Number F of time features.
         encoder: Widths of the encoder's layers; the last is a code's size C.
         aggregation: "mean" or "bayesian"; see `aggregate`.
         decoder: Widths of the decoder's hidden layers.
+        seeds: Of the first weights of each network.
     """
 
     def __init__(
-        self, *, features: int, encoder: Sequence[int], aggregation: str, decoder: Sequence[int]
+        self,
+        *,
+        features: int,
+        encoder: Sequence[int],
+        aggregation: str,
+        decoder: Sequence[int],
+        seeds: Sequence[int],
     ) -> None:
-        super().__init__()
         self.aggregation = aggregation
-        self.encoder = _layers([features + 2, *encoder])
-        self.decoder = _layers([encoder[-1] + features, *decoder, 4])
+        self._code_size = encoder[-1]
+        shapes = ([features + 2, *encoder], [encoder[-1] + features, *decoder, 4])
+        made = []
+        for seed in seeds:
+            with torch.random.fork_rng(devices=[]):
+                torch.manual_seed(seed)
+                made.append([_first_layers(widths) for widths in shapes])
+        self._encoder, self._decoder = (_stacked([one[part] for one in made]) for part in (0, 1))
 
-    def forward(self, observations: Tensor, owners: Tensor, queries: Tensor) -> tuple[Tensor, Tensor]:
+    def parameters(self) -> list[Tensor]:
+        """All weights and biases."""
+        return [tensor for layer in (*self._encoder, *self._decoder) for tensor in layer]
+
+    def __call__(self, observations: Tensor, owners: Tensor, queries: Tensor) -> tuple[Tensor, Tensor]:
         """Predicts, in normalised units.
 
         Args:
-            observations: Shape (M, F + 2), time features and position of each.
+            observations: Shape (E, M, F + 2), time features and position of each.
             owners: Shape (M,), which of the B samples each belongs to: ascending, from 0, none left out.
             queries: Shape (Q, F), time features.
 
         Returns:
-            Mean and softplus spread (before the floor is added), shapes (B, Q, 2).
+            Mean and softplus spread (before the floor is added), shapes (E, B, Q, 2).
         """
-        codes = _apply(list(self.encoder), observations)
+        codes = _apply(self._encoder, observations)
         code = aggregate(codes, owners, self.aggregation)
         # The first layer's two parts, apart: the code's is the same for every query.
-        first, *rest = self.decoder
-        assert isinstance(first, nn.Linear)
-        size = code.shape[-1]
-        of_code = nn.functional.linear(code, first.weight[:, :size])
-        of_time = nn.functional.linear(queries, first.weight[:, size:], first.bias)
-        raw = _apply(rest, torch.relu(of_code[:, None, :] + of_time))
+        (weights, bias), *rest = self._decoder
+        of_code = code @ weights[:, : self._code_size]
+        of_time = queries @ weights[:, self._code_size :] + bias
+        hidden = torch.relu(of_code[:, :, None, :] + of_time[:, None])
+        raw = _apply(rest, hidden.flatten(1, 2)).view(*hidden.shape[:3], 4)
         return raw[..., :2], nn.functional.softplus(raw[..., 2:])
 
-    def export(self) -> tuple[list[Layer], list[Layer]]:
-        """Encoder and decoder as numpy weights (inputs, outputs) and biases."""
-        return [_numpy(layer) for layer in self.encoder], [_numpy(layer) for layer in self.decoder]
+    def only(self, index: int) -> CnmpNetwork:
+        """The network at ``index`` by itself, as it is now."""
+        part = object.__new__(CnmpNetwork)
+        part.aggregation, part._code_size = self.aggregation, self._code_size
+        part._encoder, part._decoder = (
+            [
+                (weights[index : index + 1].detach().clone(), bias[index : index + 1].detach().clone())
+                for weights, bias in layers
+            ]
+            for layers in (self._encoder, self._decoder)
+        )
+        return part
+
+    def export(self, index: int = 0) -> tuple[list[Layer], list[Layer]]:
+        """Encoder and decoder of the network at ``index`` as numpy weights (inputs, outputs) and biases."""
+        return (
+            [_numpy(weights[index], bias[index, 0]) for weights, bias in self._encoder],
+            [_numpy(weights[index], bias[index, 0]) for weights, bias in self._decoder],
+        )
 
 
 def aggregate(codes: Tensor, owners: Tensor, aggregation: str) -> Tensor:
-    """One code for all observations of a sample, shape (B, C), from codes (M, C).
+    """One code for all observations of a sample, shape (E, B, C), from codes (E, M, C).
 
     "mean" is their mean. "bayesian" takes half of a code as what an observation says of a latent variable and
     half as the precision with which it says so (Volpp et al. 2021): the result is the posterior mean and
@@ -68,29 +104,41 @@ def aggregate(codes: Tensor, owners: Tensor, aggregation: str) -> Tensor:
     count = int(owners[-1]) + 1
 
     def total(values: Tensor) -> Tensor:
-        return values.new_zeros(count, values.shape[1]).index_add_(0, owners, values)
+        return values.new_zeros(len(values), count, values.shape[-1]).index_add_(1, owners, values)
 
     if aggregation == "mean":
         return total(codes) / torch.bincount(owners, minlength=count)[:, None]
-    said, raw = codes.chunk(2, dim=1)
+    said, raw = codes.chunk(2, dim=-1)
     precision = nn.functional.softplus(raw)
     variance = 1.0 / (1.0 + total(precision))
-    return torch.cat([variance * total(precision * said), variance], dim=1)
+    return torch.cat([variance * total(precision * said), variance], dim=-1)
 
 
-def _layers(widths: Sequence[int]) -> nn.ModuleList:
-    return nn.ModuleList(nn.Linear(a, b) for a, b in itertools.pairwise(widths))
+def _first_layers(widths: Sequence[int]) -> list[nn.Linear]:
+    return [nn.Linear(a, b) for a, b in itertools.pairwise(widths)]
 
 
-def _apply(layers: Sequence[nn.Module], hidden: Tensor) -> Tensor:
-    for index, layer in enumerate(layers):
-        hidden = layer(hidden)
+def _stacked(networks: Sequence[Sequence[nn.Linear]]) -> list[TorchLayer]:
+    """Layers of E networks as one."""
+    return [
+        (
+            torch.stack([one.weight.detach().T for one in layer]).contiguous().requires_grad_(),
+            torch.stack([one.bias.detach()[None] for one in layer]).requires_grad_(),
+        )
+        for layer in zip(*networks, strict=True)
+    ]
+
+
+def _apply(layers: Sequence[TorchLayer], hidden: Tensor) -> Tensor:
+    for index, (weights, bias) in enumerate(layers):
+        hidden = torch.baddbmm(bias, hidden, weights)
         if index < len(layers) - 1:
             hidden = torch.relu(hidden)
     return hidden
 
 
-def _numpy(layer: nn.Module) -> Layer:
-    assert isinstance(layer, nn.Linear)
-    weight, bias = layer.weight.detach().numpy(), layer.bias.detach().numpy()
-    return np.ascontiguousarray(weight.T, dtype=np.float32), bias.astype(np.float32, copy=True)
+def _numpy(weights: Tensor, bias: Tensor) -> Layer:
+    return (
+        np.array(weights.detach().numpy(), dtype=np.float32, order="C"),
+        np.array(bias.detach().numpy(), dtype=np.float32),
+    )

@@ -1,11 +1,11 @@
-"""One training from one seed: iterations, learning rate, and when to stop."""
+"""One training of learners side by side: iterations, learning rate, and when to stop."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from drake_shared.learners.features import time_features
 from drake_shared.learners.loss import beta_nll
 from drake_shared.learners.network import CnmpNetwork
 from drake_shared.learners.parameters import TrainingParameters
-from drake_shared.learners.sampling import Batch, Sampler, hold_out
+from drake_shared.learners.sampling import Batch, Lesson, Sampler, hold_out
 
 Progress = Callable[[int, int, float], None]
 """Takes the iterations done, those planned, and the running mean loss in nats per point."""
@@ -41,49 +41,74 @@ CLOSING = 0.2
 
 
 class Optimisation:
-    """A network, what it is taught, and how far it is.
+    """Networks of one shape, what each is taught, and how far they are.
+
+    They are trained side by side, in one batched computation and by one plan: each learner by its own
+    demonstrations, from its own seed, with its own loss.
 
     Attributes:
         planned: Iterations, at the beginning of the run.
-        iterations: Done so far.
-        held_out: How many demonstrations only judge.
-        losses: Pairs of iteration and running mean loss, in nats per point with positions in m.
-        ignores_observations: Whether it was found to predict the same whatever it is shown.
+        iterations: Done so far by each learner; one whose loss fell below Lt has stopped.
+        held_out: How many demonstrations of each only judge.
+        losses: Of each learner, pairs of iteration and running mean loss, in nats per point with positions
+            in m.
+        ignores_observations: Whether each was found to predict the same whatever it is shown.
 
     Args:
-        dataset: What to learn; a tenth of it is only judged by if there are demonstrations enough.
+        datasets: What each is to learn, all on grids of as many steps; a tenth is only judged by if there are
+            demonstrations enough.
         parameters: How.
-        seed: Of the first weights and of all that is drawn.
+        seeds: Of the first weights and of what is drawn for each.
     """
 
-    def __init__(self, dataset: Dataset, parameters: TrainingParameters, seed: int) -> None:
-        self.dataset, self.parameters, self.seed = dataset, parameters, seed
-        self.scale, self.reference = normalisation(dataset, centred=parameters.centred)
-        self.planned = self.iterations = 0
-        self.losses: list[list[float]] = []
-        self.ignores_observations = False
-        features = time_features(dataset.grid, float(dataset.grid[-1]), parameters.harmonics)
+    def __init__(
+        self, datasets: Sequence[Dataset], parameters: TrainingParameters, seeds: Sequence[int]
+    ) -> None:
+        self.datasets, self.parameters, self.seeds = list(datasets), parameters, list(seeds)
+        steps = {len(dataset.grid) for dataset in datasets}
+        if len(steps) != 1 or len(seeds) != len(datasets):
+            raise ValueError(f"needs datasets of as many steps and as many seeds, got {steps}, {len(seeds)}")
+        self._scales, self._references = zip(
+            *(normalisation(dataset, centred=parameters.centred) for dataset in datasets), strict=True
+        )
+        count = len(self.datasets)
+        self.planned = 0
+        self.iterations = [0] * count
+        self.losses: list[list[list[float]]] = [[] for _ in range(count)]
+        self.ignores_observations = [False] * count
+        grid = datasets[0].grid
+        features = time_features(grid, float(grid[-1]), parameters.harmonics)
         self._features = torch.tensor(features, dtype=torch.float32)
-        self._floor = parameters.sigma_floor
-        if parameters.relative_floor:
-            self._floor *= dataset.spread
-        paths = (dataset.positions - self.reference) / self.scale
-        self._paths = torch.tensor(paths, dtype=torch.float32)
-        held_out = hold_out(len(paths), seed) & (parameters.patience > 0.0)
-        self.held_out = int(held_out.sum())
-        self._sampler = self._make_sampler(paths, ~held_out, parameters)
+        self._floors = [
+            parameters.sigma_floor * (dataset.spread if parameters.relative_floor else 1.0)
+            for dataset in datasets
+        ]
+        relative = [floor / scale for floor, scale in zip(self._floors, self._scales, strict=True)]
+        self._least_sigma = torch.tensor(relative, dtype=torch.float32)[:, None, None, None]
+        self._paths = [
+            (dataset.positions - reference) / scale
+            for dataset, reference, scale in zip(datasets, self._references, self._scales, strict=True)
+        ]
+        held_out = [
+            hold_out(len(paths), seed) & (parameters.patience > 0.0)
+            for paths, seed in zip(self._paths, seeds, strict=True)
+        ]
+        if not all(chosen.any() for chosen in held_out):
+            held_out = [np.zeros_like(chosen) for chosen in held_out]
+        self.held_out = [int(chosen.sum()) for chosen in held_out]
+        self._sampler = self._make_sampler([~chosen for chosen in held_out], parameters)
         self._judge: Batch | None = None
-        if self.held_out:
+        if self.held_out[0]:
             plain = dataclasses.replace(parameters, batch=JUDGED, blending=0.0, even_spread=True)
-            self._judge = self._make_sampler(paths, held_out, plain).draw()
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed)
-            self._network = CnmpNetwork(
-                features=self._features.shape[1],
-                encoder=parameters.encoder,
-                aggregation=parameters.aggregation,
-                decoder=parameters.decoder,
-            )
+            self._judge = self._make_sampler(held_out, plain).draw()
+        self._network = CnmpNetwork(
+            features=self._features.shape[1],
+            encoder=parameters.encoder,
+            aggregation=parameters.aggregation,
+            decoder=parameters.decoder,
+            seeds=seeds,
+        )
+        self._stopped: dict[int, CnmpNetwork] = {}
         self._optimiser = torch.optim.AdamW(
             self._network.parameters(),
             lr=parameters.learning_rate,
@@ -93,15 +118,15 @@ class Optimisation:
         )
 
     def run(self, *, deadline: float | None, progress: Progress | None, may_give_up: bool) -> None:
-        """Trains until the plan is done, the loss is below Lt, nothing improves or time is over.
+        """Trains until the plan is done, every loss is below Lt, nothing improves or time is over.
 
         Args:
             deadline: By `time.perf_counter`; plans the iterations in place of the parameters'.
             progress: Called some 200 times.
-            may_give_up: Whether to stop at a quarter of the plan if observations are ignored.
+            may_give_up: Whether to stop at a quarter of the plan if all ignore observations.
 
         Raises:
-            RunError: The loss became NaN or infinite.
+            RunError: A loss became NaN or infinite.
         """
         p = self.parameters
         planned = total = p.iterations if deadline is None else self._plan(deadline)
@@ -109,62 +134,69 @@ class Optimisation:
         every, check = max(1, planned // 200), max(1, planned // CHECKS)
         # A mean over some 2,000 points, whatever the batch: one query's loss says little.
         memory = max(10.0, 2_000.0 / (p.batch * p.queries))
-        unit = 2.0 * math.log(self.scale)
-        running, best, best_at, begun = 0.0, math.inf, 0, time.perf_counter()
+        unit = 2.0 * np.log(self._scales)
+        running, best, best_at, begun = np.zeros(len(unit)), math.inf, 0, time.perf_counter()
         lately = 0.0  # Sum over the iterations since progress was judged.
         for iteration in range(planned):
             fraction = iteration / total
             for group in self._optimiser.param_groups:
                 group["lr"] = p.learning_rate * self._rate(fraction)
             nll = self._step(fraction) + unit
-            if not math.isfinite(nll):
-                raise RunError(f"training diverged: the loss is {nll} after {iteration} iterations")
+            if not np.isfinite(nll).all():
+                raise RunError(f"training diverged: the loss is {nll.sum()} after {iteration} iterations")
             running += (nll - running) / min(iteration + 1.0, memory)
-            lately += nll
-            self.iterations = iteration + 1
-            if iteration % every == 0 or iteration + 1 == total:
-                self.losses.append([iteration + 1, round(running, 4)])
-                if progress is not None:
-                    progress(iteration + 1, total, running)
-            if p.loss_threshold is not None and iteration > memory and running <= p.loss_threshold:
-                break
+            lately += float(nll.mean())
+            last = iteration + 1
+            self._note(last, running, iteration % every == 0 or last == total)
+            if progress is not None and (iteration % every == 0 or last == total):
+                progress(last, total, float(running.mean()))
+            if p.loss_threshold is not None and iteration > memory:
+                self._stop_below(p.loss_threshold, running)
+                if len(self._stopped) == len(running):
+                    break
             if may_give_up and iteration == planned // 4:
                 self.ignores_observations = self._ignores()
-                if self.ignores_observations:
+                if all(self.ignores_observations):
                     return
             if deadline is not None and iteration % 10 == 9:
                 now = time.perf_counter()
-                left = int((deadline - now) * (iteration + 1) / (now - begun))
-                if iteration + 1 + left < 0.98 * total:
-                    total = iteration + 1 + max(left, 0)
+                left = int((deadline - now) * last / (now - begun))
+                if last + left < 0.98 * total:
+                    total = last + max(left, 0)
             if p.patience > 0.0 and iteration % check == check - 1:
-                judged = lately / check if self._judge is None else self._judged() + unit
+                judged = lately / check if self._judge is None else float((self._judged() + unit).mean())
                 lately = 0.0
                 if judged < best - LEAST_PROGRESS:
                     best, best_at = judged, iteration
                 elif iteration - best_at > p.patience * planned:
-                    total = min(total, iteration + 1 + int(CLOSING * planned))
+                    total = min(total, last + int(CLOSING * planned))
                     best_at = planned
-            if iteration + 1 >= total:
+            if last >= total:
                 break
         self.ignores_observations = self._ignores()
 
     def export(
-        self, *, confidence_gain: float, metadata: Mapping[str, Any], doubtful: float | None = None
+        self,
+        index: int = 0,
+        *,
+        confidence_gain: float,
+        metadata: Mapping[str, Any],
+        doubtful: float | None = None,
     ) -> CnmpLearner:
-        """The learner as it is now.
+        """The learner at ``index`` as it is now.
 
         Args:
+            index: Which.
             confidence_gain: K of eq. (1), in [1/m^2].
             metadata: For its file.
             doubtful: Variance that leaves hardly any confidence, in [m^2]; default: the demonstrations' own.
         """
-        p, dataset = self.parameters, self.dataset
+        p, dataset = self.parameters, self.datasets[index]
         noise = max(p.noise, LEAST_NOISE) * dataset.spread
         doubt_gain = 0.0
         if p.doubt_within > 0.0:
             doubt_gain = (doubtful or dataset.spread**2) / (p.doubt_within * noise) ** 2
-        encoder, decoder = self._network.export()
+        encoder, decoder = self._network_of(index).export()
         model = CnmpModel(
             preset=p.preset,
             encoder=encoder,
@@ -172,9 +204,9 @@ class Optimisation:
             decoder=decoder,
             harmonics=p.harmonics,
             grid=dataset.grid,
-            reference=self.reference,
-            scale=self.scale,
-            sigma_floor=self._floor,
+            reference=self._references[index],
+            scale=self._scales[index],
+            sigma_floor=self._floors[index],
             demonstrations=dataset.positions,
             weights=dataset.weights,
             doubt_reach=p.doubt_from * noise or dataset.spread,
@@ -184,39 +216,55 @@ class Optimisation:
         )
         return CnmpLearner(model)
 
-    def _make_sampler(
-        self, paths: NDArray[np.float64], chosen: NDArray[np.bool_], parameters: TrainingParameters
-    ) -> Sampler:
-        weights = self.dataset.weights[chosen]
-        return Sampler(
-            paths=paths[chosen],
-            features=self._features,
-            weights=weights / weights.sum(),
-            unit=self.dataset.spread / self.scale,
-            parameters=parameters,
-            seed=self.seed,
-        )
+    def _make_sampler(self, chosen: Sequence[NDArray[np.bool_]], parameters: TrainingParameters) -> Sampler:
+        lessons = []
+        for index, dataset in enumerate(self.datasets):
+            weights = dataset.weights[chosen[index]]
+            lessons.append(
+                Lesson(
+                    paths=self._paths[index][chosen[index]],
+                    weights=weights / weights.sum(),
+                    unit=dataset.spread / self._scales[index],
+                    seed=self.seeds[index],
+                )
+            )
+        return Sampler(lessons, self._features, parameters)
 
-    def _step(self, fraction: float) -> float:
-        """One iteration; the negative log-likelihood per point in normalised units."""
+    def _step(self, fraction: float) -> NDArray[np.float64]:
+        """One iteration; of each learner the negative log-likelihood per point in normalised units."""
         p = self.parameters
         beta = 0.0 if fraction >= 1.0 - p.plain_share else p.beta
         loss, nll = self._loss(self._sampler.draw(), beta)
         self._optimiser.zero_grad(set_to_none=True)
         loss.backward()
         self._optimiser.step()
-        return float(nll)
+        return nll.double().numpy()
 
     def _loss(self, batch: Batch, beta: float) -> tuple[Tensor, Tensor]:
         mean, spread = self._network(batch.observations, batch.owners, batch.queries)
-        sigma = spread + self._floor / self.scale
-        return beta_nll(mean, sigma, batch.truth, lean=batch.lean, beta=beta)
+        return beta_nll(mean, spread + self._least_sigma, batch.truth, lean=batch.lean, beta=beta)
 
-    def _judged(self) -> float:
-        """Negative log-likelihood per point of what is held out, in normalised units."""
+    def _judged(self) -> NDArray[np.float64]:
+        """Negative log-likelihoods per point of what is held out, in normalised units."""
         assert self._judge is not None
         with torch.no_grad():
-            return float(self._loss(self._judge, 0.0)[1])
+            return self._loss(self._judge, 0.0)[1].double().numpy()
+
+    def _note(self, iteration: int, running: NDArray[np.float64], with_loss: bool) -> None:
+        for index, loss in enumerate(running.tolist()):
+            if index not in self._stopped:
+                self.iterations[index] = iteration
+                if with_loss:
+                    self.losses[index].append([iteration, round(loss, 4)])
+
+    def _stop_below(self, threshold: float, running: NDArray[np.float64]) -> None:
+        """Keeps what those learners are now that have learnt enough; the others go on."""
+        for index in np.flatnonzero(running <= threshold).tolist():
+            if index not in self._stopped:
+                self._stopped[index] = self._network.only(index)
+
+    def _network_of(self, index: int) -> CnmpNetwork:
+        return self._stopped.get(index) or self._network.only(index)
 
     def _rate(self, fraction: float) -> float:
         """The learning rate, relative to its peak, after a fraction of the plan."""
@@ -228,7 +276,7 @@ class Optimisation:
 
     def _plan(self, deadline: float) -> int:
         """How many iterations there is time for, found on a training that is then thrown away."""
-        trial = Optimisation(self.dataset, self.parameters, self.seed)
+        trial = Optimisation(self.datasets, self.parameters, self.seeds)
         spent: list[float] = []
         begun = time.perf_counter()
         while len(spent) < 80 and (not spent or time.perf_counter() < begun + 0.05 * (deadline - begun)):
@@ -238,16 +286,21 @@ class Optimisation:
         # The first are slow, and a plan that is too long is cut; one that is too short wastes time.
         return max(1, int((deadline - time.perf_counter()) / float(np.percentile(spent, 25))))
 
-    def _ignores(self) -> bool:
-        """Whether it predicts the same whatever it is shown, where the demonstrations lie apart."""
-        strays = np.square(self.dataset.positions - self.dataset.mean_path).mean(axis=(0, 2))
-        if len(self._paths) < 2 or strays.mean() < (0.01 * self.dataset.extent) ** 2:
+    def _ignores(self) -> list[bool]:
+        """Whether each predicts the same whatever it is shown, where its demonstrations lie apart."""
+        return [self._ignored_by(index) for index in range(len(self.datasets))]
+
+    def _ignored_by(self, index: int) -> bool:
+        dataset = self.datasets[index]
+        strays = np.square(dataset.positions - dataset.mean_path).mean(axis=(0, 2))
+        if len(dataset.positions) < 2 or strays.mean() < (0.01 * dataset.extent) ** 2:
             return False  # There is nothing to tell apart.
         step = int(strays.argmax())
-        shown = self._paths[:, step]
+        paths = torch.tensor(self._paths[index], dtype=torch.float32)
+        shown = paths[:, step]
         observations = torch.cat([self._features[step].expand(len(shown), -1), shown], dim=-1)
         with torch.no_grad():
-            mean, _ = self._network(observations, torch.arange(len(shown)), self._features)
-        said = float((mean - mean.mean(dim=0)).square().mean())
-        there = float((self._paths - self._paths.mean(dim=0)).square().mean())
+            mean, _ = self._network_of(index)(observations[None], torch.arange(len(shown)), self._features)
+        said = float((mean[0] - mean[0].mean(dim=0)).square().mean())
+        there = float((paths - paths.mean(dim=0)).square().mean())
         return said < 0.1 * there

@@ -22,6 +22,7 @@ from drake_shared.errors import InputError
 GROUP = "drake_shared.learners"
 _OURS = {
     "cnmp": "drake_shared.learners.cnmp:CnmpLearner",
+    "ensemble": "drake_shared.learners.ensemble:EnsembleLearner",
     "mixture": "drake_shared.learners.mixture:MixtureLearner",
     "promp": "drake_shared.learners.promp:PrompLearner",
 }

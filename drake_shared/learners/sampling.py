@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,18 +15,20 @@ from drake_shared.learners.parameters import TrainingParameters
 
 ENOUGH, HELD_OUT = 60, 0.1
 """From so many demonstrations on, this share of them is held out."""
+DRAWN = 128
+"""So many samples are drawn at a time, in one batch or more: to draw one costs no less than a hundred."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Batch:
-    """B demonstrations with M observations in all and Q queries each, in normalised units.
+    """For each of E learners B demonstrations with M observations in all and Q queries each, normalised.
 
     Attributes:
-        observations: Shape (M, F + 2), time features and position.
+        observations: Shape (E, M, F + 2), time features and position.
         owners: Shape (M,), which demonstration each is of, ascending.
         queries: Shape (Q, F), time features.
-        truth: Shape (B, Q, 2), where the demonstrations are at the queries.
-        lean: Shape (B, 1, 1), weight of each demonstration in the mean's loss; 1 on average.
+        truth: Shape (E, B, Q, 2), where the demonstrations are at the queries.
+        lean: Shape (E, B, 1, 1), weight of each demonstration in the mean's loss; 1 on average.
     """
 
     observations: Tensor
@@ -35,70 +38,109 @@ class Batch:
     lean: Tensor
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lesson:
+    """What one learner is taught.
+
+    Attributes:
+        paths: Shape (m, N, 2), demonstrations in normalised units.
+        weights: Shape (m,), Pd of Alg. 1, summing to 1.
+        unit: What "relative" lengths of the parameters are in, in normalised units.
+        seed: Of what is drawn for this learner.
+    """
+
+    paths: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    unit: float
+    seed: int
+
+
 class Sampler:
     """Draws batches.
 
+    When observations and queries are, and how many, is common to all learners; which demonstrations and what
+    noise is each one's own. So what a learner is shown does not depend on its company.
+
     Args:
-        paths: Shape (m, N, 2), demonstrations in normalised units.
+        lessons: Of each learner, on one grid.
         features: Shape (N, F), time features of the grid.
-        weights: Shape (m,), Pd of Alg. 1, summing to 1.
-        unit: What "relative" lengths of the parameters are in, in normalised units.
         parameters: Decide how.
-        seed: Of everything drawn.
     """
 
-    def __init__(
-        self,
-        *,
-        paths: NDArray[np.float64],
-        features: Tensor,
-        weights: NDArray[np.float64],
-        unit: float,
-        parameters: TrainingParameters,
-        seed: int,
-    ) -> None:
+    def __init__(self, lessons: Sequence[Lesson], features: Tensor, parameters: TrainingParameters) -> None:
         self._parameters = parameters
-        self._paths = torch.tensor(paths, dtype=torch.float32)
         self._features = features
-        self._weights = torch.tensor(weights * len(weights), dtype=torch.float32)
-        self._noise = parameters.noise * unit
-        self._generator = torch.Generator().manual_seed(seed)
-        self._shares: Tensor | None = None
-        if parameters.blending > 0.0 and len(paths) > 1:
-            shares, gains = make_blend(paths, reach=parameters.blending * unit, widening=parameters.widening)
-            self._shares = torch.tensor(shares, dtype=torch.float32)
-            self._spreads = torch.tensor(np.sqrt(shares) * gains[:, None], dtype=torch.float32)
+        self._pupils = [_Pupil(lesson, parameters) for lesson in lessons]
+        self._batches = self._draw()
 
     def draw(self) -> Batch:
         """The next batch."""
-        p, generator = self._parameters, self._generator
-        count, steps = self._paths.shape[:2]
-        if p.even_spread:
-            chosen = torch.randint(count, (p.batch,), generator=generator)
-            lean = self._weights[chosen][:, None, None]
+        return next(self._batches)
+
+    def _draw(self) -> Iterator[Batch]:
+        p, steps = self._parameters, len(self._features)
+        generator = torch.Generator().manual_seed(0)
+        batches = max(1, DRAWN // p.batch)
+        rows = batches * p.batch
+        while True:
+            number = torch.randint(1, p.observations + 1, (batches, p.batch), generator=generator)
+            number[:, : int(p.single_share * p.batch)] = 1
+            # torch's own repeat_interleave takes a third of the time of a whole iteration.
+            owners = torch.from_numpy(np.repeat(np.arange(rows), number.flatten().numpy()))
+            when = torch.randint(steps, (len(owners),), generator=generator)
+            asked = torch.randint(steps, (batches, p.queries), generator=generator)
+            drawn = [pupil.draw(rows, owners, when) for pupil in self._pupils]
+            paths, seen, lean = (torch.stack(parts) for parts in zip(*drawn, strict=True))
+            told = self._features[when].expand(len(seen), -1, -1)
+            observations = torch.cat([told, seen], dim=-1)
+            end = 0
+            for batch, count in enumerate(number.sum(dim=1).tolist()):
+                begin, end = end, end + count
+                first = batch * p.batch
+                chosen = slice(first, first + p.batch)
+                yield Batch(
+                    observations=observations[:, begin:end],
+                    owners=owners[begin:end] - first,
+                    queries=self._features[asked[batch]],
+                    truth=paths[:, chosen, asked[batch]],
+                    lean=lean[:, chosen, None, None],
+                )
+
+
+class _Pupil:
+    """One learner's own part in what is drawn."""
+
+    def __init__(self, lesson: Lesson, parameters: TrainingParameters) -> None:
+        paths, weights = lesson.paths, lesson.weights
+        self._even = parameters.even_spread
+        self._paths = torch.tensor(paths, dtype=torch.float32)
+        self._weights = torch.tensor(weights * len(weights), dtype=torch.float32)
+        self._noise = parameters.noise * lesson.unit
+        self._generator = torch.Generator().manual_seed(lesson.seed)
+        self._shares: Tensor | None = None
+        if parameters.blending > 0.0 and len(paths) > 1:
+            reach = parameters.blending * lesson.unit
+            shares, gains = make_blend(paths, reach=reach, widening=parameters.widening)
+            self._shares = torch.tensor(shares, dtype=torch.float32)
+            self._spreads = torch.tensor(np.sqrt(shares) * gains[:, None], dtype=torch.float32)
+
+    def draw(self, rows: int, owners: Tensor, when: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Demonstrations (rows, N, 2), what is seen of their ``owners`` (M, 2), and their lean (rows,)."""
+        generator = self._generator
+        if self._even:
+            chosen = torch.randint(len(self._paths), (rows,), generator=generator)
+            lean = self._weights[chosen]
         else:
-            chosen = torch.multinomial(self._weights, p.batch, replacement=True, generator=generator)
-            lean = torch.ones(1, 1, 1)
+            chosen = torch.multinomial(self._weights, rows, replacement=True, generator=generator)
+            lean = torch.ones(rows)
         paths = self._blended(chosen)
-        number = torch.randint(1, p.observations + 1, (p.batch,), generator=generator)
-        number[: int(p.single_share * p.batch)] = 1
-        # torch's own repeat_interleave takes a third of the time of a whole iteration.
-        owners = torch.from_numpy(np.repeat(np.arange(p.batch), number.numpy()))
-        when = torch.randint(steps, (len(owners),), generator=generator)
         seen = paths[owners, when]
         if self._noise > 0.0:
             seen = seen + self._noise * torch.randn(seen.shape, generator=generator)
-        asked = torch.randint(steps, (p.queries,), generator=generator)
-        return Batch(
-            observations=torch.cat([self._features[when], seen], dim=-1),
-            owners=owners,
-            queries=self._features[asked],
-            truth=paths[:, asked],
-            lean=lean,
-        )
+        return paths, seen, lean
 
     def _blended(self, chosen: Tensor) -> Tensor:
-        """Demonstrations of the way of each of those chosen, shape (B, N, 2); see `make_blend`."""
+        """Demonstrations of the way of each of those chosen, shape (rows, N, 2); see `make_blend`."""
         if self._shares is None:
             return self._paths[chosen]
         strays = torch.randn((len(chosen), len(self._paths)), generator=self._generator)

@@ -1,10 +1,12 @@
-"""Alg. 1 of Amirshirzad et al. 2022: training a CNMP on weighted demonstrations, in torch."""
+"""Alg. 1 of Amirshirzad et al. 2022: training CNMPs on weighted demonstrations, in torch."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import platform
 import time
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -60,45 +62,121 @@ def train(
         InputError: An argument or a score is not what it must be.
         RunError: The loss became NaN or infinite.
     """
+    (learner,) = train_together(
+        [demonstrations],
+        [seed],
+        preset=preset,
+        weighted=weighted,
+        seconds=seconds,
+        iterations=iterations,
+        progress=progress,
+        duration=duration,
+        parameters=parameters,
+        begun=begun,
+    )
+    return learner
+
+
+def train_together(
+    taught: Sequence[Demonstrations],
+    seeds: Sequence[int],
+    *,
+    preset: str = "default",
+    weighted: bool | Sequence[bool] = True,
+    seconds: float | None = None,
+    iterations: int | None = None,
+    progress: Progress | None = None,
+    duration: float | None = None,
+    parameters: TrainingParameters | None = None,
+    begun: float | None = None,
+) -> list[CnmpLearner]:
+    """Trains a CNMP on each of several sets of demonstrations, in one batched computation.
+
+    What one becomes does not depend on its company, but for the rounding of batched products and for when
+    training is cut short where nothing improves any more, which is decided for all.
+
+    Args:
+        taught: Of each learner; all of one duration.
+        seeds: Of each learner.
+        weighted: As for `train`, for all or of each.
+
+    The other arguments, and what is raised, are those of `train`.
+    """
     begun = time.perf_counter() if begun is None else begun
     chosen = parameters or find_parameters(preset)
     if iterations is not None:
         chosen = dataclasses.replace(chosen, iterations=iterations)
-    check_options(chosen, seconds=seconds, seed=seed)
-    dataset = make_dataset(demonstrations, weighted=weighted, duration=duration)
+    check_options(chosen, seconds=seconds, seed=min(seeds))
+    lean = [weighted] * len(taught) if isinstance(weighted, bool) else list(weighted)
+    datasets = [
+        make_dataset(demonstrations, weighted=leans, duration=duration)
+        for demonstrations, leans in zip(taught, lean, strict=True)
+    ]
     deadline = None if seconds is None else begun + seconds * (1.0 - RESERVED)
+    learners = []
+    with one_thread():
+        trained = fit(datasets, chosen, seeds, deadline=deadline, progress=progress)
+        for index, (run, place, restarts) in enumerate(trained):
+            metadata = training_metadata(taught[index], datasets[index], chosen)
+            record = metadata["training"]
+            record |= training_record(run, place)
+            record |= {
+                "weighted": lean[index],
+                "seed": seeds[index],
+                "restarts": restarts,
+                "seconds_allowed": seconds,
+                "trained_together": len(taught),
+            }
+            gain = calibrate(
+                run.export(place, confidence_gain=1.0, metadata=metadata),
+                taught[index],
+                resolution=0.5 * chosen.noise * datasets[index].spread,
+            )
+            record["seconds"] = round(time.perf_counter() - begun, 3)
+            doubtful = 1.0 / (LEAST_CONFIDENCE * gain)
+            learners.append(run.export(place, confidence_gain=gain, metadata=metadata, doubtful=doubtful))
+    return learners
+
+
+def fit(
+    datasets: Sequence[Dataset],
+    parameters: TrainingParameters,
+    seeds: Sequence[int],
+    *,
+    deadline: float | None,
+    progress: Progress | None,
+) -> list[tuple[Optimisation, int, int]]:
+    """Trains a network on each dataset; those that ignore what they are shown again from other seeds.
+
+    Returns:
+        Of each dataset the training, the place of its network there, and how often it was begun again.
+    """
+    found: dict[int, tuple[Optimisation, int, int]] = {}
+    waiting = list(range(len(datasets)))
+    for restarts in range(parameters.restarts + 1):
+        run = Optimisation(
+            [datasets[index] for index in waiting],
+            parameters,
+            [seeds[index] + SEED_STEP * restarts for index in waiting],
+        )
+        run.run(deadline=deadline, progress=progress, may_give_up=restarts < parameters.restarts)
+        found |= {index: (run, place, restarts) for place, index in enumerate(waiting)}
+        waiting = [index for place, index in enumerate(waiting) if run.ignores_observations[place]]
+        if not waiting:
+            break
+    return [found[index] for index in range(len(datasets))]
+
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """The arrays are small: a second thread makes it slower, and changes the bits."""
     threads = torch.get_num_threads()
-    # The arrays are small: a second thread makes it slower, and changes the bits.
     torch.set_num_threads(1)
     try:
         with threadpool_limits(1, user_api="blas"):
-            restarts = 0
-            while True:
-                run = Optimisation(dataset, chosen, seed + SEED_STEP * restarts)
-                last = restarts == chosen.restarts
-                run.run(deadline=deadline, progress=progress, may_give_up=not last)
-                if last or not run.ignores_observations:
-                    break
-                restarts += 1
-            metadata = training_metadata(demonstrations, dataset, chosen)
-            record = metadata["training"]
-            record |= {
-                "planned": run.planned,
-                "iterations": run.iterations,
-                "held_out": run.held_out,
-                "ignores_observations": run.ignores_observations,
-                "loss": run.losses,
-            }
-            record |= {"weighted": weighted, "seed": seed, "restarts": restarts, "seconds_allowed": seconds}
-            gain = calibrate(
-                run.export(confidence_gain=1.0, metadata=metadata),
-                demonstrations,
-                resolution=0.5 * chosen.noise * dataset.spread,
-            )
+            yield
     finally:
         torch.set_num_threads(threads)
-    record["seconds"] = round(time.perf_counter() - begun, 3)
-    return run.export(confidence_gain=gain, metadata=metadata, doubtful=1.0 / (LEAST_CONFIDENCE * gain))
 
 
 def check_options(parameters: TrainingParameters, *, seconds: float | None, seed: int) -> None:
@@ -134,4 +212,15 @@ def training_metadata(
         "clock": parameters.clock,
         "evidence": parameters.evidence,
         "training": record,
+    }
+
+
+def training_record(run: Optimisation, place: int) -> dict[str, Any]:
+    """What happened in the training of one network."""
+    return {
+        "planned": run.planned,
+        "iterations": run.iterations[place],
+        "held_out": run.held_out[place],
+        "ignores_observations": run.ignores_observations[place],
+        "loss": run.losses[place],
     }

@@ -59,7 +59,7 @@ def test_the_learners_of_the_package_are_registered():
 
 
 def test_an_unknown_name_is_refused_and_the_known_are_told():
-    with pytest.raises(InputError, match="must be one of cnmp, mixture, promp"):
+    with pytest.raises(InputError, match="must be one of cnmp, ensemble, mixture, promp"):
         find_learner("nonsense")
 
 

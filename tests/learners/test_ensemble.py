@@ -1,0 +1,90 @@
+"""Ensembles: what the members disagree about is not known."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drake_shared.errors import InputError
+from drake_shared.learners import PRESETS, load_learner, save_learner, train
+from drake_shared.learners.training import train_together
+
+QUICK = 60
+SHOWN = ([1.0], [[1.0, 0.7]])
+
+
+@pytest.fixture(scope="module")
+def ensemble(two_ways):
+    return train(two_ways, members=3, iterations=QUICK, seed=2)
+
+
+def test_mean_and_variance_are_those_of_the_mixture_of_its_members(ensemble):
+    said = [member.predict(*SHOWN, ensemble.grid) for member in ensemble.members]
+    mean, variance = ensemble.predict(*SHOWN, ensemble.grid)
+    means, variances = np.stack([part[0] for part in said]), np.stack([part[1] for part in said])
+    np.testing.assert_allclose(mean, means.mean(axis=0), atol=1e-12)
+    second_moment = (variances + means**2).mean(axis=0)
+    np.testing.assert_allclose(variance, second_moment - mean**2, atol=1e-12)
+    assert (variance > variances.mean(axis=0)).all()
+
+
+def test_the_members_are_what_each_seed_gives_alone(ensemble, two_ways):
+    """Side by side or not: the same but for the rounding of batched products, which training magnifies."""
+    for record, member in zip(ensemble.metadata["training"]["members"], ensemble.members, strict=True):
+        alone = train(two_ways, iterations=QUICK, seed=record["seed"])
+        for one, other in zip(
+            member.predict(*SHOWN, member.grid), alone.predict(*SHOWN, alone.grid), strict=True
+        ):
+            np.testing.assert_allclose(one, other, atol=2e-3)
+
+
+def test_the_same_seed_gives_the_same_bits_and_the_file_gives_them_back(ensemble, two_ways, tmp_path):
+    again = train(two_ways, members=3, iterations=QUICK, seed=2)
+    save_learner(ensemble, tmp_path / "e.safetensors")
+    read = load_learner(tmp_path / "e.safetensors")
+    assert read.name == "ensemble"
+    for other in (again, read):
+        assert other.confidence_gain == ensemble.confidence_gain
+        for one, same in zip(
+            ensemble.predict(*SHOWN, ensemble.grid), other.predict(*SHOWN, ensemble.grid), strict=True
+        ):
+            np.testing.assert_array_equal(one, same)
+
+
+def test_scaled_scales_what_each_member_is_unsure_of(ensemble):
+    mean, variance = ensemble.predict(*SHOWN, ensemble.grid)
+    scaled_mean, scaled_variance = ensemble.scaled(2.0).predict(*SHOWN, ensemble.grid)
+    np.testing.assert_array_equal(scaled_mean, mean)
+    assert (scaled_variance > variance).all()
+
+
+def test_learners_of_different_lessons_are_trained_side_by_side(make_bows):
+    lessons = [make_bows([1.0, -1.0]), make_bows([0.5]), make_bows([1.0, 0.2, -1.0])]
+    together = train_together(lessons, [3, 4, 5], iterations=QUICK)
+    for demonstrations, seed, learner in zip(lessons, (3, 4, 5), together, strict=True):
+        alone = train(demonstrations, iterations=QUICK, seed=seed)
+        assert learner.metadata["training"]["data_sha256"] == alone.metadata["training"]["data_sha256"]
+        assert learner.confidence_gain == pytest.approx(alone.confidence_gain, rel=0.02)
+        for one, other in zip(
+            learner.predict(*SHOWN, learner.grid), alone.predict(*SHOWN, alone.grid), strict=True
+        ):
+            np.testing.assert_allclose(one, other, atol=3e-3)
+
+
+def test_learners_of_the_paper_stop_each_at_its_own_loss(make_bows):
+    parameters = dataclasses.replace(
+        PRESETS["paper"], batch=20, queries=20, loss_threshold=0.0, iterations=400
+    )
+    lessons = [make_bows([1.0]), make_bows([1.0, -1.0])]
+    together = train_together(lessons, [0, 0], parameters=parameters)
+    counts = [learner.metadata["training"]["iterations"] for learner in together]
+    alone = [train(one, seed=0, parameters=parameters).metadata["training"]["iterations"] for one in lessons]
+    assert counts == pytest.approx(alone, abs=5)
+    assert abs(counts[0] - counts[1]) > 20
+    assert max(counts) < 400
+
+
+@pytest.mark.parametrize("options", [{"members": 0}, {"members": 101}, {"members": 2, "learner": "mixture"}])
+def test_bad_numbers_of_members_are_refused(two_ways, options):
+    with pytest.raises(InputError, match="members"):
+        train(two_ways, iterations=1, **options)
