@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+WANDERING_HARMONICS = 6
+
 
 def make_blend(
     positions: NDArray[np.float64], *, reach: float, widening: float
@@ -35,3 +37,18 @@ def make_blend(
     count = 1.0 / np.square(shares).sum(axis=1)
     unbiased = np.where(count > 1.5, count / np.maximum(count - 1.0, 0.5), 1.0)
     return shares, widening * np.sqrt(unbiased)
+
+
+def wander_basis(steps: int) -> NDArray[np.float64]:
+    """Smooth ways to stray from a path, shape (6, N).
+
+    Their sum with normal factors has a variance of 1, on average over time. They are 0 at both ends, where
+    all drives of a task meet, and the slow ones are the strong ones.
+
+    Args:
+        steps: N, of the path.
+    """
+    order = np.arange(1, WANDERING_HARMONICS + 1)
+    strength = 1.0 / order
+    waves = np.sin(np.pi * order[:, None] * np.linspace(0.0, 1.0, steps))
+    return waves * (strength / np.sqrt(0.5 * np.square(strength).sum()))[:, None]

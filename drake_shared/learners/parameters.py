@@ -29,6 +29,8 @@ class TrainingParameters:
             them is as well: training draws new ones from among them; see `make_blend`. Relative; 0 never.
         widening: How much further than the demonstrations themselves the new ones stray from their mean: what
             comes varies more than the few that were seen. A factor.
+        wandering: How far, relative, drives of one way stray from each other as long as demonstrations do not
+            tell: of n on a way, a share of 1/n of this variance is left. 0 believes the demonstrations alone.
         harmonics: Fourier features of time, sin and cos of k pi t/T for k = 1..harmonics; 0 is raw time.
         centred: Whether the network sees and predicts deviations from the demonstrations' mean path.
         encoder: Widths of its layers; the last is the size of a code.
@@ -64,6 +66,7 @@ class TrainingParameters:
     noise: float
     blending: float
     widening: float
+    wandering: float
     harmonics: int
     centred: bool
     encoder: tuple[int, ...]
@@ -103,6 +106,7 @@ PRESETS = {
         noise=0.0,
         blending=0.0,
         widening=1.0,
+        wandering=0.0,
         harmonics=0,
         centred=False,
         encoder=(128, 128, 128),
@@ -129,14 +133,15 @@ PRESETS = {
     # a network of three layers of 128 is no better than this one while it takes ten times as long.
     "default": TrainingParameters(
         preset="default",
-        iterations=2_500,
-        batch=128,
+        iterations=1_500,
+        batch=64,
         queries=16,
         observations=6,
         single_share=0.1,
         noise=0.27,
         blending=0.65,
         widening=1.25,
+        wandering=0.07,
         harmonics=6,
         centred=True,
         encoder=(64, 128),

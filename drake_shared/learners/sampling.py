@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from drake_shared.learners.blending import make_blend
+from drake_shared.learners.blending import make_blend, wander_basis
 from drake_shared.learners.parameters import TrainingParameters
 
 ENOUGH, HELD_OUT = 60, 0.1
@@ -118,11 +118,15 @@ class _Pupil:
         self._noise = parameters.noise * lesson.unit
         self._generator = torch.Generator().manual_seed(lesson.seed)
         self._shares: Tensor | None = None
-        if parameters.blending > 0.0 and len(paths) > 1:
+        if parameters.blending > 0.0:
             reach = parameters.blending * lesson.unit
             shares, gains = make_blend(paths, reach=reach, widening=parameters.widening)
             self._shares = torch.tensor(shares, dtype=torch.float32)
             self._spreads = torch.tensor(np.sqrt(shares) * gains[:, None], dtype=torch.float32)
+            # Of n demonstrations of a way, a share of 1/n of what is not known of it is left.
+            unknown = parameters.wandering * lesson.unit * np.sqrt(np.square(shares).sum(axis=1))
+            self._wandering = torch.tensor(unknown, dtype=torch.float32)
+            self._wander = torch.tensor(wander_basis(paths.shape[1]), dtype=torch.float32)
 
     def draw(self, rows: int, owners: Tensor, when: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Demonstrations (rows, N, 2), what is seen of their ``owners`` (M, 2), and their lean (rows,)."""
@@ -146,7 +150,11 @@ class _Pupil:
         strays = torch.randn((len(chosen), len(self._paths)), generator=self._generator)
         strays *= self._spreads[chosen]
         parts = self._shares[chosen] * (1.0 - strays.sum(dim=1, keepdim=True)) + strays
-        return (parts @ self._paths.flatten(start_dim=1)).view(len(chosen), *self._paths.shape[1:])
+        paths = (parts @ self._paths.flatten(start_dim=1)).view(len(chosen), *self._paths.shape[1:])
+        if (self._wandering > 0.0).any():
+            amounts = torch.randn((2, len(chosen), len(self._wander)), generator=self._generator)
+            paths += (self._wandering[chosen, None] * (amounts @ self._wander)).permute(1, 2, 0)
+        return paths
 
 
 def hold_out(count: int, seed: int) -> NDArray[np.bool_]:

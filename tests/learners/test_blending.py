@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_shared.learners.blending import make_blend
+from drake_shared.learners.blending import make_blend, wander_basis
 
 
 def ways(*heights: float) -> np.ndarray:
@@ -37,3 +37,10 @@ def test_what_is_drawn_varies_as_the_demonstrations_do():
     drawn = parts @ paths[:, 5, 1]
     assert drawn.mean() == pytest.approx(paths[:, 5, 1].mean(), abs=1e-3)
     assert drawn.std() == pytest.approx(paths[:, 5, 1].std(ddof=1), rel=0.03)
+
+
+def test_wandering_is_smooth_of_variance_one_and_nothing_at_the_ends():
+    basis = wander_basis(401)
+    np.testing.assert_allclose(basis[:, [0, -1]], 0.0, atol=1e-12)
+    assert np.square(basis).sum(axis=0).mean() == pytest.approx(1.0, rel=0.01)
+    assert np.abs(np.diff(basis, axis=1)).max() * 400 < 2.0 * np.pi

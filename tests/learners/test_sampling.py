@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from drake_shared.learners import PRESETS
+from drake_shared.learners.blending import wander_basis
 from drake_shared.learners.sampling import Batch, Lesson, Sampler
 
 STEPS = 11
@@ -80,3 +81,15 @@ def test_what_a_learner_is_shown_does_not_depend_on_its_company():
         assert torch.equal(one.observations[0], both.observations[1])
         assert torch.equal(one.truth[0], both.truth[1])
         assert not torch.equal(both.truth[0], both.truth[1])
+
+
+@pytest.mark.parametrize(("copies", "share"), [(1, 1.0), (4, 0.25)])
+def test_what_demonstrations_cannot_tell_of_a_way_is_less_the_more_there_are(copies, share):
+    parameters = dataclasses.replace(PRESETS["default"], batch=4_000, noise=0.0, wandering=0.2)
+    paths = np.concatenate([PATHS[:1]] * copies)
+    lesson = Lesson(paths=paths, weights=np.full(copies, 1 / copies), unit=1.0, seed=2)
+    batch = Sampler([lesson], FEATURES, parameters).draw()
+    strays = batch.truth[0, :, :, 0]
+    asked = batch.queries[:, 0].long().numpy()
+    expected = 0.04 * share * np.square(wander_basis(STEPS)).sum(axis=0)[asked]
+    np.testing.assert_allclose(strays.var(dim=0), expected, rtol=0.1, atol=1e-6)

@@ -33,13 +33,13 @@ def test_where_the_ways_part_it_expects_their_mean_and_spread(learner):
 
 def test_the_mean_leans_to_the_better_way_while_the_spread_covers_both(make_bows):
     scored = make_bows([1.0, -1.0], scores=[0.0, 0.2])
-    learner = train(scored, iterations=200)
+    learner = train(scored, iterations=400)
     # Width 0.2: weights exp(-0.5) and 1 give a mean of (0.607 - 1) / 1.607.
     expected = (np.exp(-0.5) - 1.0) / (np.exp(-0.5) + 1.0)
     mean, sigma = at(learner, 0.0, [0.0, 0.0], 2.0)
     assert mean[1] == pytest.approx(expected, abs=0.15)
     assert sigma[1] == pytest.approx(np.sqrt(1.0 + expected**2), abs=0.15)
-    unweighted = train(scored, iterations=200, weighted=False)
+    unweighted = train(scored, iterations=400, weighted=False)
     assert at(unweighted, 0.0, [0.0, 0.0], 2.0)[0][1] == pytest.approx(0.0, abs=0.15)
 
 
