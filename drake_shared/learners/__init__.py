@@ -34,7 +34,8 @@ def train(demonstrations: Demonstrations, *, learner: str = "cnmp", **options: A
 
     Args:
         demonstrations: At least one.
-        learner: "cnmp", "mixture", "promp" or one that is registered; see `drake_shared.learners.registry`.
+        learner: "cnmp", "mixture", "cesn", "promp" or one that is registered; see
+            `drake_shared.learners.registry`.
         options: preset, weighted, seed, seconds, iterations, progress; `drake_shared.learners.training.train`
             says what they mean.
 

@@ -103,7 +103,7 @@ def features(code: NDArray[Any], weights: NDArray[Any], bias: NDArray[Any]) -> N
 
 
 def at_times(path: Array, times: NDArray[Any], duration: float) -> Array:
-    """``path`` (P + 1, ...), evenly spaced from 0 to ``duration``, at ``times`` (n,) within: shape (n, ...)."""
+    """``path`` (P + 1, ...) of even times from 0 to ``duration`` at ``times`` (n,) within: shape (n, ...)."""
     steps = times * ((len(path) - 1) / duration)
     before = np.minimum(steps.astype(int), len(path) - 2)
     share = (steps - before).reshape(-1, *[1] * (path.ndim - 1))

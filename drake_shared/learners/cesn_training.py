@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import platform
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,19 +25,20 @@ from drake_shared.learners.parameters import find_parameters
 from drake_shared.learners.reservoir import echo_states
 
 Array = NDArray[np.float64]
+# What there is one of for each context: half as large, and twice as fast.
+Floats = NDArray[np.float32]
 
 MOST_MODES = 8
 # Modes smaller than this, relative to the first, are no way of driving.
 _LEAST_MODE = 0.02
 _HIDDEN_PER_MODE, MOST_HIDDEN = 200, 800
-_CONTEXTS_PER_HIDDEN = 15
+_CONTEXTS_PER_HIDDEN = 20
 _RIDGE = 0.01
 # Of the random layer's weights, one for each unit: some see a whole way as one, some tell its parts apart.
 _GAINS = (0.25, 2.0)
 _BIAS = 1.5
-# Every third phase is enough to tell how wide the intervals are.
-_EVERY = 3
-_SCORING_STEPS, _SCORING_RATE, _BOLDEST = 12, 0.7, 3.0
+# Scoring steps are small, and a residual much larger than expected counts as this many times its variance.
+_SCORING_STEPS, _SCORING_RATE, _BOLDEST = 8, 0.7, 4.0
 _INTERVAL, _INTERVAL_SIGMAS = 0.9, 1.645
 _SINGLE_SHARE = 0.2
 
@@ -109,6 +112,7 @@ class _Fit:
         self._rng = np.random.default_rng(seed)
         self.noise = self._drawn.noise
         self._states = echo_states(self._rng)
+        self._states32 = self._states.astype(np.float32)
         self._paths = _at_phases((dataset.positions - dataset.mean_path) / dataset.spread, len(self._states))
         farthest = float(np.sqrt(np.square(self._paths).sum(axis=-1).max()))
         self._reach = farthest + 3.0 * self.noise
@@ -120,15 +124,16 @@ class _Fit:
         size = self._modes.shape[-1]
         self.hidden = min(MOST_HIDDEN, _HIDDEN_PER_MODE * size)
         self.contexts = _CONTEXTS_PER_HIDDEN * self.hidden
-        unit_gains = np.exp(self._rng.uniform(*np.log(_GAINS), self.hidden))
+        unit_gains = np.exp(self._rng.uniform(math.log(_GAINS[0]), math.log(_GAINS[1]), self.hidden))
         self._layer = (
-            self._rng.standard_normal((2 * size, self.hidden)) * unit_gains,
-            self._rng.uniform(-_BIAS, _BIAS, self.hidden) * unit_gains,
+            (self._rng.standard_normal((2 * size, self.hidden)) * unit_gains).astype(np.float32),
+            (self._rng.uniform(-_BIAS, _BIAS, self.hidden) * unit_gains).astype(np.float32),
         )
         self._floor = self._drawn.sigma_floor
-        self._fit_mean()
-        self._fit_variance()
-        self.widened = self._widen()
+        self._mean_readout = self._fit_mean()
+        self._spread_readout, self._log_variance = self._fit_variance()
+        self.widened = self._widening()
+        self._log_variance += 2.0 * np.log(self.widened)
 
     def learner(
         self,
@@ -151,10 +156,10 @@ class _Fit:
             noise=self.noise,
             reach=self._reach,
             states=self._states,
-            hidden_weights=self._layer[0],
-            hidden_bias=self._layer[1],
+            hidden_weights=self._layer[0].astype(float),
+            hidden_bias=self._layer[1].astype(float),
             readout=readout.reshape(len(readout), 4, -1),
-            log_variance=self._log_variance,
+            log_variance=self._log_variance.astype(float),
             sigma_floor=self._floor,
             demonstrations=dataset.positions,
             weights=dataset.weights,
@@ -165,87 +170,86 @@ class _Fit:
         )
         return CesnLearner(model)
 
-    def _draw(self) -> tuple[Array, Array, NDArray[np.intp]]:
-        """Features (C, F) of contexts; shares (C, m) of the demonstrations in their paths; of which way each is."""
+    def _draw(self) -> tuple[Floats, Floats, NDArray[np.intp]]:
+        """Features (C, F) of contexts, their paths (C, 2, P + 1), and whose way each goes, (C,)."""
         rng, drawn = self._rng, self._drawn
-        count, phases = self.contexts, len(self._states)
+        count, most = self.contexts, drawn.observations
         chosen = rng.integers(len(self._paths), size=count)
         strays = rng.standard_normal((count, len(self._paths))) * self._strays[chosen]
         parts = self._shares[chosen] * (1.0 - strays.sum(axis=1, keepdims=True)) + strays
-        when = rng.integers(phases, size=(count, drawn.observations))
-        number = rng.integers(1, drawn.observations + 1, count)
+        paths = (parts @ self._paths.reshape(len(self._paths), -1)).reshape(count, *self._paths.shape[1:])
+        when = rng.integers(len(self._states), size=(count, most))
+        number = rng.integers(1, most + 1, count)
         number[: int(_SINGLE_SHARE * count)] = 1
-        seen = np.stack(
-            [
-                np.einsum("cm,mca->ca", parts, self._paths[:, when[:, index]], optimize=False)
-                for index in range(drawn.observations)
-            ],
-            axis=1,
-        )
+        seen = paths[np.arange(count)[:, None], when]
         seen += self.noise * rng.standard_normal(seen.shape)
         modes = self._modes[when]
-        modes[np.arange(drawn.observations) >= number[:, None]] = 0.0
-        code = encode(modes, within(seen, self._reach), self.noise)
-        return features(code, *self._layer), parts, chosen
+        modes[np.arange(most) >= number[:, None]] = 0.0
+        code = encode(modes, within(seen, self._reach), self.noise).astype(np.float32)
+        return features(code, *self._layer), paths.transpose(0, 2, 1).astype(np.float32, order="C"), chosen
 
-    def _fit_mean(self) -> None:
+    def _fit_mean(self) -> Floats:
         """Ridge regression of the readout (F, 2 D) of the mean, leaning to the better demonstrations."""
-        read, parts, chosen = self._draw()
-        lean = (self._dataset.weights * len(self._dataset.weights))[chosen, None]
-        # What of each demonstration the states can follow; they are orthonormal.
-        followed = np.einsum("mpa,pd->mad", self._paths, self._states).reshape(len(self._paths), -1)
-        solve = _ridge(read, lean)
-        self._mean_readout = solve(parts @ followed)
+        read, paths, chosen = self._draw()
+        lean = (self._dataset.weights * len(self._dataset.weights)).astype(np.float32)[chosen, None]
+        return _ridge(read, lean)(self._by_states(paths))
 
-    def _fit_variance(self) -> None:
-        """Gamma regression of the squared residuals with a logarithmic link: the readout (F, 2 D).
+    def _fit_variance(self) -> tuple[Floats, Floats]:
+        """Gamma regression of the squared residuals with a logarithmic link.
 
         With that link every scoring step is the same ridge regression, of other targets: one factorisation
         serves them all. All demonstrations count alike.
+
+        Returns:
+            The readout (F, 2 D), and what its logarithms are counted from, shape (2, P + 1).
         """
-        read, parts, _ = self._draw()
-        states = self._states[::_EVERY]
-        squares = self._squared_residuals(read, parts) + self._floor**2
+        read, paths, _ = self._draw()
+        squares = np.square(paths - self._of_states(read @ self._mean_readout))
+        squares += np.float32(self._floor**2)
         base = np.log(squares.mean(axis=0))
         solve = _ridge(read)
-        project = np.linalg.pinv(states).T
         logs = np.broadcast_to(base, squares.shape)
-        least, most = 2.0 * np.log((self._floor, self._reach))
         for _step in range(_SCORING_STEPS):
-            surprise = np.clip(squares * np.exp(-logs) - 1.0, -1.0, _BOLDEST)
-            wanted = logs - base + _SCORING_RATE * surprise
-            self._spread_readout = solve((wanted @ project).reshape(len(read), -1))
-            logs = np.clip(base + self._of_states(read @ self._spread_readout), least, most)
-        every = np.arange(len(self._states))
-        self._log_variance = np.stack([np.interp(every, every[::_EVERY], row) for row in base])
+            surprise = squares * np.exp(-logs)
+            np.minimum(surprise, _BOLDEST, out=surprise)
+            surprise -= 1.0
+            surprise *= _SCORING_RATE
+            surprise += logs - base
+            readout = solve(self._by_states(surprise))
+            logs = self._of_states(read @ readout)
+            logs += base
+            self._bound(logs)
+        return readout, base
 
-    def _widen(self) -> float:
-        """Widens the intervals, if need be, until 90% of new contexts' residuals are in the 90% interval."""
-        read, parts, _ = self._draw()
-        logs = self._log_variance[:, ::_EVERY] + self._of_states(read @ self._spread_readout)
-        logs = np.clip(logs, *(2.0 * np.log((self._floor, self._reach))))
-        sizes = self._squared_residuals(read, parts) * np.exp(-logs)
-        widened = max(1.0, float(np.sqrt(np.quantile(sizes, _INTERVAL))) / _INTERVAL_SIGMAS)
-        self._log_variance += 2.0 * np.log(widened)
-        return widened
+    def _widening(self) -> float:
+        """A factor on the intervals, 1 or more: 90% of new contexts' residuals are in the 90% interval."""
+        read, paths, _ = self._draw()
+        logs = self._of_states(read @ self._spread_readout)
+        logs += self._log_variance
+        self._bound(logs)
+        sizes = np.square(paths - self._of_states(read @ self._mean_readout)) * np.exp(-logs)
+        return max(1.0, float(np.sqrt(np.quantile(sizes, _INTERVAL))) / _INTERVAL_SIGMAS)
 
-    def _squared_residuals(self, read: Array, parts: Array) -> Array:
-        """Of the mean, shape (C, 2, P / 3 + 1)."""
-        truth = np.tensordot(parts, self._paths[:, ::_EVERY].transpose(0, 2, 1), axes=1)
-        return np.square(truth - self._of_states(read @ self._mean_readout))
+    def _bound(self, logs: Floats) -> None:
+        """Makes logarithms of variances at least the floor's and at most that of the reach."""
+        np.clip(logs, 2.0 * math.log(self._floor), 2.0 * math.log(self._reach), out=logs)
 
-    def _of_states(self, readouts: Array) -> Array:
-        """What readouts (C, 2 D) make of the states: shape (C, 2, P / 3 + 1)."""
-        return readouts.reshape(len(readouts), 2, -1) @ self._states[::_EVERY].T
+    def _by_states(self, paths: Floats) -> Floats:
+        """The readouts (C, 2 D) of the states that come closest to paths (C, 2, P + 1)."""
+        return (paths @ self._states32).reshape(len(paths), -1)
+
+    def _of_states(self, readouts: Floats) -> Floats:
+        """What readouts (C, 2 D) make of the states: shape (C, 2, P + 1)."""
+        return readouts.reshape(len(readouts), 2, -1) @ self._states32.T
 
 
-def _ridge(read: Array, weights: Array | None = None) -> Any:
+def _ridge(read: Floats, weights: Floats | None = None) -> Callable[[Floats], Floats]:
     """Of features (C, F), weighted (C, 1): the function that fits targets (C, T) by a readout (F, T)."""
-    weighed = (read if weights is None else weights * read) / len(read)
+    weighed = read if weights is None else weights * read
     penalty = np.full(read.shape[1], _RIDGE)
     penalty[0] = 0.0
-    factor = cho_factor(weighed.T @ read + np.diag(penalty))
-    return lambda targets: cho_solve(factor, weighed.T @ targets)
+    factor = cho_factor((weighed.T @ read).astype(float) / len(read) + np.diag(penalty))
+    return lambda targets: cho_solve(factor, weighed.T @ targets / len(read)).astype(np.float32)
 
 
 def _at_phases(paths: Array, count: int) -> Array:

@@ -14,7 +14,7 @@ _SPECTRAL_RADIUS = 0.9
 _LEAKS = (0.05, 0.9)
 _INPUT = 4.0
 # Directions in which the states vary less than this, relative to the first, are rounding or nearly so.
-_LEAST = 1e-4
+_LEAST = 1e-5
 
 
 def echo_states(seed: int | np.random.Generator) -> NDArray[np.float64]:
@@ -33,7 +33,7 @@ def echo_states(seed: int | np.random.Generator) -> NDArray[np.float64]:
     rng = np.random.default_rng(seed)
     weights = rng.standard_normal((UNITS, UNITS)) * (rng.random((UNITS, UNITS)) < _CONNECTIONS / UNITS)
     weights *= _SPECTRAL_RADIUS / np.abs(np.linalg.eigvals(weights)).max()
-    leak = np.exp(rng.uniform(*np.log(_LEAKS), UNITS))
+    leak = np.exp(rng.uniform(np.log(_LEAKS[0]), np.log(_LEAKS[1]), UNITS))
     inward = rng.uniform(-_INPUT, _INPUT, (UNITS, 2))
     states = np.zeros((STEPS + 1, UNITS))
     for step, phase in enumerate(np.linspace(0.0, 1.0, STEPS + 1)[:-1]):
