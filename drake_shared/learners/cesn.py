@@ -59,13 +59,17 @@ class CesnLearner:
             reach=model.doubt_reach,
             gain=model.doubt_gain,
         )
-        self._hidden = (model.hidden_weights.astype(np.float32), model.hidden_bias.astype(np.float32))
-        self._readout = model.readout.reshape(len(model.readout), -1).astype(np.float32)
+        # Rows first in memory, as a file gives them: in another order products differ in their last bits.
+        self._hidden = (
+            model.hidden_weights.astype(np.float32, order="C"),
+            model.hidden_bias.astype(np.float32),
+        )
+        self._readout = model.readout.reshape(len(model.readout), -1).astype(np.float32, order="C")
         # Shape (D, N): queries come last, as in the CNMP.
         self._states = at_times(model.states, self.grid, self.duration).T.astype(np.float32)
         self._log_variance = at_times(model.log_variance.T, self.grid, self.duration).T
         self._way = np.ascontiguousarray(model.reference.T)
-        # exp of these bounds, in [m^2].
+        # Logarithms: from a normalised variance to one in [m^2], and the bounds of the former.
         self._lift = 2.0 * math.log(model.scale * model.sigma_scale)
         self._least = 2.0 * math.log(model.sigma_floor)
         self._most = 2.0 * math.log(model.reach)

@@ -32,7 +32,9 @@ MOST_MODES = 8
 # Modes smaller than this, relative to the first, are no way of driving.
 _LEAST_MODE = 0.02
 _HIDDEN_PER_MODE, MOST_HIDDEN = 200, 800
-_CONTEXTS_PER_HIDDEN = 20
+_CONTEXTS_PER_HIDDEN, _FEWEST_CONTEXTS = 20, 8_000
+# So few demonstrations take turns at every draw of times: none is drawn more often than another by chance.
+_FEW = 8
 _RIDGE = 0.01
 # Of the random layer's weights, one for each unit: some see a whole way as one, some tell its parts apart.
 _GAINS = (0.25, 2.0)
@@ -123,7 +125,7 @@ class _Fit:
         self._strays = np.sqrt(self._shares) * gains[:, None]
         size = self._modes.shape[-1]
         self.hidden = min(MOST_HIDDEN, _HIDDEN_PER_MODE * size)
-        self.contexts = _CONTEXTS_PER_HIDDEN * self.hidden
+        self.contexts = max(_FEWEST_CONTEXTS, _CONTEXTS_PER_HIDDEN * self.hidden)
         unit_gains = np.exp(self._rng.uniform(math.log(_GAINS[0]), math.log(_GAINS[1]), self.hidden))
         self._layer = (
             (self._rng.standard_normal((2 * size, self.hidden)) * unit_gains).astype(np.float32),
@@ -174,12 +176,14 @@ class _Fit:
         """Features (C, F) of contexts, their paths (C, 2, P + 1), and whose way each goes, (C,)."""
         rng, drawn = self._rng, self._drawn
         count, most = self.contexts, drawn.observations
-        chosen = rng.integers(len(self._paths), size=count)
+        turns = len(self._paths) if len(self._paths) <= _FEW else 1
+        chosen = np.arange(count) % turns if turns > 1 else rng.integers(len(self._paths), size=count)
         strays = rng.standard_normal((count, len(self._paths))) * self._strays[chosen]
         parts = self._shares[chosen] * (1.0 - strays.sum(axis=1, keepdims=True)) + strays
         paths = (parts @ self._paths.reshape(len(self._paths), -1)).reshape(count, *self._paths.shape[1:])
-        when = rng.integers(len(self._states), size=(count, most))
-        number = rng.integers(1, most + 1, count)
+        draws = -(-count // turns)
+        when = np.repeat(rng.integers(len(self._states), size=(draws, most)), turns, axis=0)[:count]
+        number = np.repeat(rng.integers(1, most + 1, draws), turns)[:count]
         number[: int(_SINGLE_SHARE * count)] = 1
         seen = paths[np.arange(count)[:, None], when]
         seen += self.noise * rng.standard_normal(seen.shape)
