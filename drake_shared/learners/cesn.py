@@ -60,10 +60,8 @@ class CesnLearner:
             gain=model.doubt_gain,
         )
         # Rows first in memory, as a file gives them: in another order products differ in their last bits.
-        self._hidden = (
-            model.hidden_weights.astype(np.float32, order="C"),
-            model.hidden_bias.astype(np.float32),
-        )
+        self._hidden_weights = model.hidden_weights.astype(np.float32, order="C")
+        self._hidden_bias = model.hidden_bias.astype(np.float32)
         self._readout = model.readout.reshape(len(model.readout), -1).astype(np.float32, order="C")
         # Shape (D, N): queries come last, as in the CNMP.
         self._states = at_times(model.states, self.grid, self.duration).T.astype(np.float32)
@@ -132,7 +130,7 @@ class CesnLearner:
         offsets = (positions - at_times(model.reference, times, self.duration)) / model.scale
         modes = at_times(model.modes, times, self.duration)
         code = encode(modes, within(offsets, model.reach), model.noise).astype(np.float32)
-        read = features(code, *self._hidden) @ self._readout
+        read = features(code, self._hidden_weights, self._hidden_bias) @ self._readout
         raw = read.reshape(4, -1) @ self._states[:, first:]
         mean = raw[:2] * model.scale + self._way[:, first:]
         logs = np.clip(raw[2:] + self._log_variance[:, first:], self._least, self._most)

@@ -22,7 +22,7 @@ def ways(two_ways):
 
 @pytest.fixture(scope="module")
 def fan(make_bows):
-    """Taught twelve ways that bow more or less, to one side or the other, and 24 others that they resemble."""
+    """Taught twelve ways that bow to one side or the other, and 24 others like them that it was not."""
     rng = np.random.default_rng(5)
     heights = [side * (0.8 + 0.15 * rng.standard_normal()) for side in (-1.0, 1.0) for _ in range(18)]
     known = heights[:6] + heights[18:24]
