@@ -28,7 +28,8 @@ class Train:
     scenario: str | None = None
     """Scenario file, or the name of a shipped one; scores by clearance need its obstacles."""
     learner: str = "cnmp"
-    """"cnmp", "mixture" (tells ways apart), "promp" (extra baselines), or one that others register."""
+    """"cnmp", "mixture" (tells ways apart), "cesn" (an echo state network, trained in seconds), "promp"
+    (extra baselines), or one that others register."""
     preset: Literal["default", "paper"] = "default"
     """What works best, or the paper to the letter."""
     score: str | None = None

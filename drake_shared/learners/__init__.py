@@ -37,7 +37,8 @@ def train(
 
     Args:
         demonstrations: At least one.
-        learner: "cnmp", "mixture", "promp" or one that is registered; see `drake_shared.learners.registry`.
+        learner: "cnmp", "mixture", "cesn", "promp" or one that is registered; see
+            `drake_shared.learners.registry`.
         members: More than one makes an ensemble of a "cnmp"; see `drake_shared.learners.ensemble`.
         options: preset, weighted, seed, seconds, iterations, progress; `drake_shared.learners.training.train`
             says what they mean.

@@ -21,6 +21,7 @@ from drake_shared.errors import InputError
 
 GROUP = "drake_shared.learners"
 _OURS = {
+    "cesn": "drake_shared.learners.cesn:CesnLearner",
     "cnmp": "drake_shared.learners.cnmp:CnmpLearner",
     "ensemble": "drake_shared.learners.ensemble:EnsembleLearner",
     "mixture": "drake_shared.learners.mixture:MixtureLearner",

@@ -55,11 +55,11 @@ def outside(tmp_path, monkeypatch):
 
 
 def test_the_learners_of_the_package_are_registered():
-    assert {"cnmp", "mixture", "promp"} <= set(learner_names())
+    assert {"cesn", "cnmp", "mixture", "promp"} <= set(learner_names())
 
 
 def test_an_unknown_name_is_refused_and_the_known_are_told():
-    with pytest.raises(InputError, match="must be one of cnmp, ensemble, mixture, promp"):
+    with pytest.raises(InputError, match="must be one of cesn, cnmp, ensemble, mixture, promp"):
         find_learner("nonsense")
 
 

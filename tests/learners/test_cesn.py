@@ -1,0 +1,260 @@
+"""The echo state network: its reservoir, its contexts, its intervals and its file."""
+
+import json
+
+import numpy as np
+import pytest
+from safetensors import safe_open
+from safetensors.numpy import save_file
+
+from drake_shared.demonstrations import Demonstration, Demonstrations
+from drake_shared.errors import InputError
+from drake_shared.learners import Learner, confidence, load_learner, mean_variance, save_learner, train
+from drake_shared.learners.cesn_model import encode, within
+from drake_shared.learners.reservoir import STEPS, echo_states
+
+
+@pytest.fixture(scope="module")
+def ways(two_ways):
+    """Taught one way to each side."""
+    return train(two_ways, learner="cesn")
+
+
+@pytest.fixture(scope="module")
+def fan(make_bows):
+    """Taught twelve ways that bow to one side or the other, and 24 others like them that it was not."""
+    rng = np.random.default_rng(5)
+    heights = [side * (0.8 + 0.15 * rng.standard_normal()) for side in (-1.0, 1.0) for _ in range(18)]
+    known = heights[:6] + heights[18:24]
+    return train(make_bows(known), learner="cesn"), make_bows(heights[6:18] + heights[24:])
+
+
+def transformed(demonstrations: Demonstrations, matrix) -> Demonstrations:
+    items = tuple(
+        Demonstration(times=item.times, positions=item.positions @ np.transpose(matrix))
+        for item in demonstrations
+    )
+    return Demonstrations(items=items)
+
+
+def test_it_is_a_learner_that_says_how_it_was_trained_and_is_to_be_used(ways, two_ways):
+    assert isinstance(ways, Learner)
+    assert (ways.name, ways.preset) == ("cesn", "default")
+    assert (ways.metadata["clock"], ways.metadata["evidence"]) == ("progress", "pose+command")
+    assert ways.metadata["scenario"] == "bows"
+    assert ways.metadata["training"]["demonstrations"] == 2
+    paper = train(two_ways, learner="cesn", preset="paper")
+    assert (paper.preset, paper.metadata["clock"], paper.metadata["evidence"]) == ("paper", "time", "pose")
+
+
+def test_echo_states_are_orthonormal_and_follow_smooth_ways():
+    states = echo_states(3)
+    np.testing.assert_allclose(states.T @ states, np.eye(states.shape[1]), atol=1e-9)
+    phase = np.linspace(0.0, 1.0, STEPS + 1)
+    for way in (phase, np.sin(np.pi * phase), np.cos(3.0 * np.pi * phase)):
+        np.testing.assert_allclose(states @ (states.T @ way), way, atol=0.02)
+
+
+def test_a_code_is_the_posterior_of_the_modes():
+    # One mode of standard deviation 2 in x, seen twice at 3 with a noise of 1: 3 * 8 / (1 + 8), 1 - 1 / 9.
+    modes = np.array([[[2.0], [0.0]]] * 2 + [[[0.0], [0.0]]])
+    positions = np.array([[3.0, 9.0], [3.0, -9.0], [7.0, 7.0]])
+    np.testing.assert_allclose(encode(modes, positions, 1.0), 2.0 * np.array([12.0 / 9.0, 8.0 / 9.0]))
+
+
+def test_positions_beyond_the_reach_are_drawn_in_to_it():
+    drawn = within(np.array([[3.0, 4.0], [0.3, 0.4], [0.0, 0.0]]), 1.0)
+    np.testing.assert_allclose(drawn, [[0.6, 0.8], [0.3, 0.4], [0.0, 0.0]])
+
+
+def test_the_mean_passes_what_was_seen_and_goes_that_way(ways, two_ways):
+    for demonstration in ways.demonstrations:
+        for step in (8, 20, 30):
+            mean, _ = ways.predict([ways.grid[step]], demonstration[step : step + 1], ways.grid)
+            np.testing.assert_allclose(mean[step], demonstration[step], atol=0.03)
+            np.testing.assert_allclose(mean, demonstration, atol=0.08)
+
+
+def test_a_way_between_those_taught_is_met_where_it_was_seen(fan):
+    learner, others = fan
+    for item in others:
+        mean, variance = learner.predict([2.0], item.positions[20:21], learner.grid)
+        np.testing.assert_allclose(mean[20], item.positions[20], atol=0.12)
+        _, before = learner.predict([], np.empty((0, 2)), learner.grid)
+        assert variance[20, 1] < 0.05 * before[20, 1]
+
+
+def test_intervals_hold_as_many_of_new_ways_as_they_say(fan):
+    learner, others = fan
+    rng = np.random.default_rng(1)
+    noise = learner.model.noise * learner.model.scale
+    sizes = []
+    for item in others:
+        for count in (1, 1, 2, 5):
+            steps = rng.integers(41, size=count)
+            shown = item.positions[steps] + noise * rng.standard_normal((count, 2))
+            mean, variance = learner.predict(item.times[steps], shown, item.times)
+            sizes.append(np.abs(item.positions - mean)[:, 1] / np.sqrt(variance[:, 1]))
+    assert 0.85 < np.mean(np.array(sizes) < 1.645) < 0.98
+
+
+def test_both_ways_are_possible_until_one_is_seen(ways):
+    at_start, beside = (
+        mean_variance(ways.grid, ways.predict([t], [p], ways.grid)[1], t)
+        for t, p in ((0.0, (0.0, 0.0)), (2.0, (2.0, 1.0)))
+    )
+    assert confidence(at_start, ways.confidence_gain) < 0.1
+    assert confidence(beside, ways.confidence_gain) > 0.9
+
+
+def test_far_from_every_demonstration_it_doubts_and_the_farther_the_more(make_bows):
+    learner = train(make_bows([0.6, -0.6]), learner="cesn")
+    spreads = []
+    for away in (0.0, 0.5, 5.0, 100.0):
+        _, variance = learner.predict([2.0], [[2.0, 0.6 + away]], learner.grid)
+        spreads.append(mean_variance(learner.grid, variance, 2.0))
+    assert all(np.diff(spreads) > 0.0)
+    assert confidence(spreads[0], learner.confidence_gain) > 0.9
+    assert all(confidence(spread, learner.confidence_gain) < 0.05 for spread in spreads[1:])
+
+
+def test_with_nothing_observed_the_demonstrations_say_what_is_known(ways):
+    mean, variance = ways.predict([], np.empty((0, 2)), ways.grid)
+    np.testing.assert_allclose(mean, ways.demonstrations.mean(axis=0), atol=1e-12)
+    floor = (ways.model.sigma_floor * ways.model.scale) ** 2
+    np.testing.assert_allclose(variance, ways.demonstrations.var(axis=0) + floor, atol=1e-12)
+    np.testing.assert_allclose(ways.predict([], np.empty((0, 2)), [2.0])[0], mean[20:21])
+
+
+def test_what_is_asked_does_not_depend_on_how_it_is_asked(ways):
+    shown = ([1.0], [[1.0, 0.7]])
+    whole = ways.predict(*shown, ways.grid)
+    for queries, rows in ((ways.grid[12:], slice(12, None)), (ways.grid[5:9], slice(5, 9))):
+        for part, values in zip(ways.predict(*shown, queries), whole, strict=True):
+            np.testing.assert_allclose(part, values[rows], atol=1e-6, rtol=1e-4)
+            assert part.dtype == np.float64
+            assert part.flags.c_contiguous
+    assert ways.predict(*shown, [])[0].shape == (0, 2)
+    outside, ends = (ways.predict(*shown, q) for q in ([-3.0, 4.1, 1e6], [0.0, 4.0, 4.0]))
+    np.testing.assert_allclose(outside, ends, atol=1e-9)
+    early, start = (ways.predict([t], [[0.0, 0.0]], ways.grid) for t in (-2.0, 0.0))
+    np.testing.assert_array_equal(early, start)
+
+
+def test_order_of_observations_does_not_matter(ways):
+    times, positions = np.array([0.5, 1.0, 3.0]), np.array([[0.5, 0.4], [1.0, 0.7], [3.0, 0.7]])
+    one = ways.predict(times, positions, ways.grid)
+    other = ways.predict(times[::-1], positions[::-1], ways.grid)
+    np.testing.assert_allclose(one, other, atol=1e-5)
+
+
+@pytest.mark.parametrize("bad", [([np.nan], [[1.0, 0.7]]), ([1.0, 2.0], [[1.0, 0.7], [np.nan, 0.7]])])
+def test_nan_shown_is_nan_said(ways, bad):
+    for values in ways.predict(*bad, ways.grid[3:]):
+        assert values.shape == (38, 2)
+        assert np.isnan(values).all()
+
+
+def test_shapes_that_do_not_fit_are_refused(ways):
+    with pytest.raises(ValueError, match=r"predict needs shapes \(n,\), \(n, 2\) and \(Q,\), got \(2,\)"):
+        ways.predict(np.zeros(2), np.zeros((1, 2)), ways.grid)
+
+
+def test_the_seed_decides_all(ways, two_ways):
+    shown = ([1.0], [[1.0, 0.3]], ways.grid)
+    again, other = (train(two_ways, learner="cesn", seed=seed) for seed in (0, 1))
+    np.testing.assert_array_equal(again.predict(*shown), ways.predict(*shown))
+    assert not np.array_equal(other.predict(*shown)[0], ways.predict(*shown)[0])
+    with pytest.raises(InputError, match="seed must be 0 or more, got -1"):
+        train(two_ways, learner="cesn", seed=-1)
+
+
+def test_a_room_of_any_size_is_the_same(make_bows):
+    small, large = (train(make_bows([1.0, -1.0], scale=scale), learner="cesn") for scale in (0.25, 12.5))
+    mean, variance = small.predict([1.0], [[0.25, 0.1]], small.grid)
+    large_mean, large_variance = large.predict([1.0], [[12.5, 5.0]], large.grid)
+    np.testing.assert_allclose(large_mean, 50.0 * mean, atol=0.02)
+    np.testing.assert_allclose(large_variance, 2500.0 * variance, rtol=0.02)
+    assert large.confidence_gain == pytest.approx(small.confidence_gain / 2500.0, rel=0.02)
+
+
+def test_a_room_mirrored_or_turned_is_nearly_the_same(make_bows):
+    demonstrations = make_bows([1.0, 0.4, -0.8])
+    plain = train(demonstrations, learner="cesn")
+    shown = np.array([[1.0, 0.7]])
+    mean, _ = plain.predict([1.0], shown, plain.grid)
+    for matrix in ([[1.0, 0.0], [0.0, -1.0]], [[0.6, -0.8], [0.8, 0.6]]):
+        other = train(transformed(demonstrations, matrix), learner="cesn")
+        turned, _ = other.predict([1.0], shown @ np.transpose(matrix), other.grid)
+        np.testing.assert_allclose(turned, mean @ np.transpose(matrix), atol=0.06)
+
+
+def test_scores_lean_the_mean_and_leave_the_doubt(make_bows):
+    demonstrations = make_bows([1.0, -1.0], scores=[3.0, 0.0])
+    leant, even = (train(demonstrations, learner="cesn", weighted=weighted) for weighted in (True, False))
+    shown = ([0.0], [[0.0, 0.0]], leant.grid)
+    assert leant.predict(*shown)[0][20, 1] > even.predict(*shown)[0][20, 1] + 0.2
+    np.testing.assert_allclose(even.predict(*shown)[0][20, 1], 0.0, atol=0.1)
+    # About a mean that leans to one way, the spread of both alike is larger, not smaller.
+    assert leant.predict(*shown)[1][20, 1] > 0.9 * even.predict(*shown)[1][20, 1]
+
+
+def test_one_demonstration_is_followed_and_nothing_else_is(make_bows):
+    learner = train(make_bows([1.0]), learner="cesn")
+    mean, variance = learner.predict([2.0], [[2.0, 1.0]], learner.grid)
+    np.testing.assert_allclose(mean, learner.demonstrations[0], atol=0.02)
+    assert confidence(mean_variance(learner.grid, variance, 2.0), learner.confidence_gain) == 1.0
+    _, astray = learner.predict([2.0], [[2.0, 0.0]], learner.grid)
+    assert confidence(mean_variance(learner.grid, astray, 2.0), learner.confidence_gain) < 0.05
+
+
+def test_scaled_multiplies_every_standard_deviation(ways):
+    for shown in (([1.0], [[1.0, 0.7]]), ([], np.empty((0, 2)))):
+        mean, variance = ways.predict(*shown, ways.grid)
+        scaled_mean, scaled_variance = ways.scaled(2.0).predict(*shown, ways.grid)
+        np.testing.assert_array_equal(scaled_mean, mean)
+        np.testing.assert_allclose(scaled_variance, 4.0 * variance, rtol=1e-6)
+
+
+def test_a_learner_read_back_says_the_same_bits_and_writes_the_same_file(ways, tmp_path):
+    save_learner(ways, tmp_path / "one")
+    read = load_learner(tmp_path / "one")
+    for count in (0, 1, 3):
+        shown = (ways.grid[5 : 5 + count], ways.demonstrations[1, 5 : 5 + count], ways.grid)
+        np.testing.assert_array_equal(read.predict(*shown), ways.predict(*shown))
+    assert (read.name, read.preset, read.confidence_gain) == ("cesn", "default", ways.confidence_gain)
+    assert read.metadata["training"] == ways.metadata["training"]
+    save_learner(read, tmp_path / "two")
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "message"),
+    [
+        ("readout", lambda w: w[:-1].copy(), r"readout must have shape \(203, 4, \d+\)"),
+        ("readout", lambda w: np.full_like(w, np.nan), "readout must hold finite numbers"),
+        ("hidden_weights", lambda w: w[:1].copy(), r"hidden_weights must have shape \(2, any\)"),
+        ("modes", lambda w: None, "modes must be among the tensors"),
+        ("grid", lambda w: w[::-1].copy(), "grid must increase from 0"),
+        ("grid", lambda w: w**2, "in even steps"),
+        ("demonstrations", lambda w: w[:0].copy(), "demonstrations must hold at least one"),
+        ("states", lambda w: w[:1].copy(), "states must be at 2 phases or more, got 1"),
+        (None, {"noise": 0.0}, "noise must be a finite number above 0, got 0.0"),
+        (None, {"reach": float("nan")}, "reach must be a finite number above 0, got nan"),
+        (None, {"scale": None}, "scale must be a finite number above 0"),
+    ],
+)
+def test_a_file_that_does_not_fit_is_refused_in_a_line(ways, tmp_path, name, spoil, message):
+    save_learner(ways, tmp_path / "good")
+    with safe_open(tmp_path / "good", framework="numpy") as file:
+        tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
+        description = json.loads(file.metadata()["drake_shared"])
+    if name is None:
+        description |= spoil
+    else:
+        spoilt = spoil(tensors.pop(name))
+        tensors |= {} if spoilt is None else {name: np.ascontiguousarray(spoilt)}
+    save_file(tensors, tmp_path / "bad", metadata={"drake_shared": json.dumps(description)})
+    with pytest.raises(InputError, match=message) as error:
+        load_learner(tmp_path / "bad")
+    assert "\n" not in str(error.value)
