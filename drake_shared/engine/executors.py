@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import dataclasses
+import logging
 import multiprocessing
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from typing import Any
 
 from drake_shared.engine.identity import difference, identity
@@ -97,7 +99,45 @@ def _cluster(address: str) -> Iterator[Pool]:
         raise InputError(
             "--cluster", "", "needs Dask: install the extra with pip install 'drake_shared[cluster]'", address
         ) from None
-    client = _connect(distributed, address)
+    # What matters of a lost connection is said by us, in one line; Dask would add its traceback.
+    logger = logging.getLogger("distributed.client")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        with _client(distributed, address) as client:
+            yield _cluster_pool(client, address)
+    finally:
+        logger.setLevel(level)
+
+
+@contextlib.contextmanager
+def _client(distributed: Any, address: str) -> Iterator[Any]:
+    try:
+        # In a thread of its own: the caller's may have an event loop, as in a notebook.
+        with ThreadPoolExecutor(1) as thread:
+            thread.submit(asyncio.run, _knock(distributed, address)).result()
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except Exception as error:  # What answers there may be no scheduler, and say anything.
+        first = next(iter(str(error).splitlines()), "it is silent")
+        expected = f'must be the "tcp://host:port" of a Dask scheduler that answers ({first})'
+        raise InputError("--cluster", "", expected, address) from error
+    try:
+        _check_workers(client, address, PATIENCE)
+        yield client
+    finally:
+        # The scheduler forgets the tasks of a client that leaves.
+        client.close(timeout=PATIENCE)
+
+
+async def _knock(distributed: Any, address: str) -> None:
+    """Exchanges greetings with a scheduler: a Client waits for them for ever, whatever its timeout."""
+    options = distributed.Security().get_connection_args("client")
+    greeting = distributed.core.connect(address, timeout=PATIENCE, **options)
+    comm = await asyncio.wait_for(greeting, 1.5 * PATIENCE)
+    await comm.close()
+
+
+def _cluster_pool(client: Any, address: str) -> Pool:
     # Not pure: Dask would otherwise take a task that failed for the same when it is tried again.
     pool = client.get_executor(pure=False)
 
@@ -106,26 +146,7 @@ def _cluster(address: str) -> Iterator[Pool]:
             raise BrokenExecutor(f"the connection to {address} was lost")
         return pool.submit(work, task)
 
-    try:
-        _check_workers(client, address, PATIENCE)
-        yield Pool(submit=submit, ahead=1000, check=lambda: _check_workers(client, address, RESTART))
-    finally:
-        with contextlib.suppress(Exception):
-            pool.shutdown(wait=False)
-        client.close(timeout=PATIENCE)
-
-
-def _connect(distributed: Any, address: str) -> Any:
-    try:
-        return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        first = next(iter(str(error).splitlines()), type(error).__name__)
-        raise InputError(
-            "--cluster",
-            "",
-            f'must be the "tcp://host:port" of a Dask scheduler that answers ({first})',
-            address,
-        ) from error
+    return Pool(submit=submit, ahead=1000, check=lambda: _check_workers(client, address, RESTART))
 
 
 def _check_workers(client: Any, address: str, patience: float) -> None:
