@@ -20,6 +20,8 @@ from drake_shared.engine import Store, Task, executors, run_tasks
 from drake_shared.errors import InputError, RunError
 
 DASK = Path(sys.executable).with_name("dask")
+# The second is for the server of its diagnostics, which is on every interface even with --no-dashboard.
+LOCAL = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
 
 
 @dataclasses.dataclass
@@ -44,7 +46,7 @@ class Cluster:
     def _start(self, *command: str, environment: dict[str, str] | None = None) -> subprocess.Popen:
         with (self.folder / f"{len(self.processes)}.log").open("w") as log:
             process = subprocess.Popen(
-                [str(DASK), *command, "--host", "127.0.0.1", "--no-dashboard"],
+                [str(DASK), *command, *LOCAL],
                 cwd=self.folder,
                 env=environment or self.environment,
                 stdout=log,
