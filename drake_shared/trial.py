@@ -142,17 +142,21 @@ class Simulation:
         self.diagram = builder.Build()
         self.diagram.set_name("shared_control")
 
-    def begin(self, settings: TrialSettings) -> RunningTrial:
+    def begin(self, settings: TrialSettings, *, learner: Learner | None = None) -> RunningTrial:
         """Sets a fresh Context up for a trial and stands at its start.
+
+        Args:
+            settings: Of the trial.
+            learner: Takes the place of the simulation's own in this trial.
 
         Raises:
             InputError: The settings name a route that the scenario has not.
         """
-        return RunningTrial(self, settings)
+        return RunningTrial(self, settings, learner or self.learner)
 
-    def run(self, settings: TrialSettings) -> Trial:
-        """Runs a trial to its end, as fast as the machine allows."""
-        running = self.begin(settings)
+    def run(self, settings: TrialSettings, *, learner: Learner | None = None) -> Trial:
+        """Runs a trial to its end, as fast as the machine allows; the arguments are those of `begin`."""
+        running = self.begin(settings, learner=learner)
         running.advance(self.scenario.duration)
         return running.finish()
 
@@ -160,9 +164,10 @@ class Simulation:
 class RunningTrial:
     """A trial under way. Not made directly: :meth:`Simulation.begin` does."""
 
-    def __init__(self, simulation: Simulation, settings: TrialSettings) -> None:
+    def __init__(self, simulation: Simulation, settings: TrialSettings, learner: Learner | None) -> None:
         self.simulation = simulation
         self.settings = settings
+        self.learner = learner
         scenario, parts = simulation.scenario, simulation.parts
         self._goal = scenario.goal
         self._route = None if settings.route is None else scenario.route(settings.route)
@@ -170,10 +175,10 @@ class RunningTrial:
         # First of all: it puts every parameter back to its default.
         simulation.diagram.SetRandomContext(root, RandomGenerator(settings.seed))
         parts.blender.set_mode(parts.blender.GetMyMutableContextFromRoot(root), settings.mode)
-        if simulation.learner is not None:
+        if learner is not None:
             parts.estimator.set_learner(
                 parts.estimator.GetMyMutableContextFromRoot(root),
-                simulation.learner,
+                learner,
                 confidence_gain=settings.confidence_gain,
                 # An agent that is alone has nobody's command to go by.
                 heed_command=settings.mode != "agent",
@@ -235,7 +240,7 @@ class RunningTrial:
         return Trial(columns=columns, metadata=described | {"status": status or self.status or "stopped"})
 
     def _describe(self) -> dict[str, Any]:
-        scenario, learner, settings = self.simulation.scenario, self.simulation.learner, self.settings
+        scenario, learner, settings = self.simulation.scenario, self.learner, self.settings
         gain = settings.confidence_gain
         if gain is None and learner is not None:
             gain = learner.confidence_gain

@@ -1,0 +1,169 @@
+"""What samples say: intervals by bootstrap, paired differences, corrections for many questions, and verdicts."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+RESAMPLES = 10_000
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A mean with its interval.
+
+    Attributes:
+        mean: Of the sample.
+        low, high: Of its interval by bootstrap; equal to the mean for a sample of one.
+        count: Size of the sample.
+    """
+
+    mean: float
+    low: float
+    high: float
+    count: int
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Difference:
+    """A mean paired difference, one minus other.
+
+    Attributes:
+        estimate: Of the mean difference, at the level asked for.
+        effect: Mean over standard deviation of the differences (Cohen's d_z); 0 where all are 0, infinite
+            where all are one other number.
+        p: Of the Wilcoxon signed-rank test; 1 where all differences are 0.
+    """
+
+    estimate: Estimate
+    effect: float
+    p: float
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Claim:
+    """A statement about a number, and whether it held.
+
+    Attributes:
+        text: What is claimed, in words.
+        estimate: Of the number; positive speaks for the claim. Its interval is adjusted for the number of
+            questions asked.
+        smallest: The smallest effect of interest, in the same unit.
+        unit: Of the number.
+        verdict: "holds", "equivalent", "reversed" or "open"; see `verdict`.
+        p: Adjusted, where a test was made.
+        effect: Cohen's d_z, where the comparison is paired.
+    """
+
+    text: str
+    estimate: Estimate
+    smallest: float
+    unit: str
+    verdict: str
+    p: float | None = None
+    effect: float | None = None
+
+
+def interval(values: ArrayLike, *, level: float = 0.95, seed: int = 0) -> Estimate:
+    """Mean of ``values`` (n,) and its interval, by the percentile bootstrap over them; NaN do not count.
+
+    The values must be independent: means over the trials of a learner, say, not the trials themselves.
+    """
+    sample = np.asarray(values, dtype=float)
+    sample = sample[np.isfinite(sample)]
+    if not sample.size:
+        return Estimate(mean=math.nan, low=math.nan, high=math.nan, count=0)
+    mean = float(sample.mean())
+    if np.ptp(sample) == 0.0:
+        return Estimate(mean=mean, low=mean, high=mean, count=sample.size)
+    rng = np.random.default_rng(seed)
+    means = np.empty(RESAMPLES)
+    for begin in range(0, RESAMPLES, 1_000):
+        means[begin : begin + 1_000] = sample[rng.integers(sample.size, size=(1_000, sample.size))].mean(axis=1)
+    low, high = np.quantile(means, [0.5 - level / 2, 0.5 + level / 2])
+    return Estimate(mean=mean, low=float(low), high=float(high), count=sample.size)
+
+
+def paired(one: ArrayLike, other: ArrayLike, *, level: float = 0.95, seed: int = 0) -> Difference:
+    """How much larger ``one`` (n,) is than ``other`` (n,), pair by pair; pairs with NaN do not count."""
+    differences = np.asarray(one, dtype=float) - np.asarray(other, dtype=float)
+    differences = differences[np.isfinite(differences)]
+    estimate = interval(differences, level=level, seed=seed)
+    if not differences.any():
+        return Difference(estimate=estimate, effect=0.0, p=1.0)
+    spread = float(differences.std(ddof=1)) if differences.size > 1 else 0.0
+    effect = estimate.mean / spread if spread > 0.0 else math.copysign(math.inf, estimate.mean)
+    return Difference(estimate=estimate, effect=effect, p=float(stats.wilcoxon(differences).pvalue))
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Holm's adjusted p-values: the chance of one false rejection among all is at most that level."""
+    order = np.argsort(p)
+    adjusted = np.empty(len(p))
+    worst = 0.0
+    for rank, index in enumerate(order):
+        worst = max(worst, min(1.0, (len(p) - rank) * p[index]))
+        adjusted[index] = worst
+    return adjusted.tolist()
+
+
+def holm_levels(p: Sequence[float], *, level: float = 0.95) -> list[float]:
+    """The level of each question's interval that goes with `holm`: 1 - alpha / (m - rank)."""
+    levels = np.empty(len(p))
+    for rank, index in enumerate(np.argsort(p)):
+        levels[index] = 1.0 - (1.0 - level) / (len(p) - rank)
+    return levels.tolist()
+
+
+def verdict(estimate: Estimate, smallest: float) -> str:
+    """What an interval says of a claim that its number is above 0.
+
+    Returns:
+        "holds" if all of it lies above ``smallest``, "reversed" if all lies below its negative, "equivalent"
+        if all lies between the two, else "open".
+    """
+    if not (math.isfinite(estimate.low) and math.isfinite(estimate.high)) or estimate.count < 2:
+        return "open"
+    if estimate.low > smallest:
+        return "holds"
+    if estimate.high < -smallest:
+        return "reversed"
+    return "equivalent" if estimate.low > -smallest and estimate.high < smallest else "open"
+
+
+def claim(text: str, values: ArrayLike, *, smallest: float, unit: str, level: float = 0.95) -> Claim:
+    """The claim that the mean of ``values`` (n,) is above 0, by its interval alone."""
+    estimate = interval(values, level=level)
+    return Claim(
+        text=text, estimate=estimate, smallest=smallest, unit=unit, verdict=verdict(estimate, smallest)
+    )
+
+
+def paired_claims(questions: Sequence[dict[str, Any]], *, level: float = 0.95) -> list[Claim]:
+    """Claims that "one" is larger than "other", adjusted together by Holm's method.
+
+    Args:
+        questions: Each with ``text``, ``one`` (n,), ``other`` (n,), ``smallest`` and ``unit``.
+    """
+    p = [paired(question["one"], question["other"]).p for question in questions]
+    claims = []
+    for question, adjusted, own_level in zip(questions, holm(p), holm_levels(p, level=level), strict=True):
+        found = paired(question["one"], question["other"], level=own_level)
+        claims.append(
+            Claim(
+                text=question["text"],
+                estimate=found.estimate,
+                smallest=question["smallest"],
+                unit=question["unit"],
+                verdict=verdict(found.estimate, question["smallest"]),
+                p=adjusted,
+                effect=found.effect,
+            )
+        )
+    return claims
