@@ -184,8 +184,8 @@ def MakeSharedControlDiagram(
         learner: Any object with the learners' ``predict``; without one the human drives alone.
         operator: Any LeafSystem with an output port ``human_command`` (2), [left, right] in [rad/s], that
             is state. Input ports named ``pose``, ``human_weight``, ``shared_command``, ``noise`` (Gaussian)
-            or ``chance`` (uniform) are connected if it has them. An attribute ``log_columns`` (port name to column names) adds columns
-            to the log. A :class:`SurrogateOperator` if None.
+            or ``chance`` (uniform) are connected if it has them. An attribute ``log_columns`` (port name to
+            column names) adds columns to the log. A :class:`SurrogateOperator` if None.
         look_ahead: Of the agent's controller, in [s].
         meshcat: Shows scene and intention there, if given.
     """
