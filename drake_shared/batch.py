@@ -11,12 +11,13 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from drake_shared.behaviour import Behaviour
 from drake_shared.errors import InputError
 from drake_shared.learners import load_learner
 from drake_shared.metrics import metrics
+from drake_shared.operators import changes_of_route
 from drake_shared.scenario import load_scenario
 from drake_shared.systems.recorded_input import RecordedInput
-from drake_shared.systems.surrogate_operator import Behaviour
 from drake_shared.trial import Simulation, TrialSettings, read_log, write_log
 
 
@@ -31,6 +32,8 @@ class Batch:
         seed: Of the first trial; each following one has the next.
         mode: "shared", "human" or "agent".
         behaviour: Of the simulated operator.
+        switching: Whether the operator changes to another route at ``behaviour.switch_time``; then the routes
+            that can be left take turns. See :func:`drake_shared.operators.changes_of_route`.
         recording: A log whose human commands are played back in place of a simulated operator.
         confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
         end: "reached" or "duration".
@@ -43,6 +46,7 @@ class Batch:
     seed: int = 0
     mode: str = "shared"
     behaviour: Behaviour = dataclasses.field(default_factory=Behaviour)
+    switching: bool = False
     recording: str | None = None
     confidence_gain: float | None = None
     end: str = "reached"
@@ -85,7 +89,9 @@ class _Runner:
         self._batch = batch
         scenario = load_scenario(batch.scenario)
         learner = None if batch.model is None else load_learner(batch.model)
-        self._routes = [route.name for route in scenario.routes]
+        self._routes: list[tuple[str, str | None]] = [(route.name, None) for route in scenario.routes]
+        if batch.switching:
+            self._routes = [(route.name, then.name) for route, then in changes_of_route(scenario)]
         operator, self._recording, self._recorded_route = None, None, None
         if batch.recording is not None:
             recorded = read_log(batch.recording)
@@ -97,11 +103,12 @@ class _Runner:
 
     def run(self, index: int) -> dict[str, Any]:
         batch = self._batch
-        route = self._routes[index % len(self._routes)]
+        route, then = self._routes[index % len(self._routes)]
         settings = TrialSettings(
             mode=batch.mode,
             seed=batch.seed + index,
             route=self._recorded_route if self._recording is not None else route,
+            then=then,
             behaviour=batch.behaviour,
             recording=self._recording,
             confidence_gain=batch.confidence_gain,

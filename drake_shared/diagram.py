@@ -110,12 +110,15 @@ def AddSharedControl(
     for name, port in offered.items():
         if operator.HasInputPort(name):
             builder.Connect(port, operator.GetInputPort(name))
-    if operator.HasInputPort("noise"):
-        noise = builder.AddNamedSystem(
-            "operator_noise",
-            RandomSource(RandomDistribution.kGaussian, operator.GetInputPort("noise").size(), period),
-        )
-        builder.Connect(noise.get_output_port(), operator.GetInputPort("noise"))
+    # Chance last: what a seed draws for the noise does not depend on it.
+    drawn = {"noise": RandomDistribution.kGaussian, "chance": RandomDistribution.kUniform}
+    for name, distribution in drawn.items():
+        if operator.HasInputPort(name):
+            port = operator.GetInputPort(name)
+            source = builder.AddNamedSystem(
+                f"operator_{name}", RandomSource(distribution, port.size(), period)
+            )
+            builder.Connect(source.get_output_port(), port)
 
     logged = [pose, human, autonomous, shared, plant.GetOutputPort("wheel_speed")]
     logged += [estimator.GetOutputPort("confidence"), weight, estimator.GetOutputPort("mean_variance")]
@@ -180,9 +183,9 @@ def MakeSharedControlDiagram(
         scenario: The task.
         learner: Any object with the learners' ``predict``; without one the human drives alone.
         operator: Any LeafSystem with an output port ``human_command`` (2), [left, right] in [rad/s], that
-            is state. Input ports named ``pose``, ``human_weight``, ``shared_command`` or ``noise`` are
-            connected if it has them. An attribute ``log_columns`` (port name to column names) adds columns
-            to the log. A :class:`SurrogateOperator` if None.
+            is state. Input ports named ``pose``, ``human_weight``, ``shared_command``, ``noise`` (Gaussian)
+            or ``chance`` (uniform) are connected if it has them. An attribute ``log_columns`` (port name to
+            column names) adds columns to the log. A :class:`SurrogateOperator` if None.
         look_ahead: Of the agent's controller, in [s].
         meshcat: Shows scene and intention there, if given.
     """

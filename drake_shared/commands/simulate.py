@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from drake_shared.behaviour import Behaviour
 from drake_shared.commands.common import open_learner, print_json, say
 from drake_shared.errors import InputError
 from drake_shared.files import check_writable
-from drake_shared.systems.surrogate_operator import Behaviour
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -31,7 +31,9 @@ class Simulate:
     mode: Literal["shared", "human", "agent"] = "shared"
     """Shared control, the operator alone, or the agent alone."""
     operator: str = "surrogate"
-    """"surrogate", or a log whose human commands are played back."""
+    """"surrogate", which the options below describe; a simulated operator by name: primary, noisy, laggy,
+    delayed, signal-noise, late-slow, switching, stubborn, yielding, resting, unskilled; or a log whose human
+    commands are played back."""
     confidence_gain: float | None = None
     """K of eq. (1), per m^2; default: the learner's own."""
     end: Literal["reached", "duration"] = "reached"
@@ -57,6 +59,7 @@ class Simulate:
             raise InputError(
                 "simulate", "confidence-gain", "must be positive and finite", self.confidence_gain
             )
+        behaviour, switching, recording = self._operator(scenario)
         model = self._model(scenario)
         if self.out is not None:
             check_writable(self.out)
@@ -66,8 +69,9 @@ class Simulate:
             count=self.trials,
             seed=self.seed,
             mode=self.mode,
-            behaviour=self.behaviour,
-            recording=None if self.operator == "surrogate" else self.operator,
+            behaviour=behaviour,
+            switching=switching,
+            recording=recording,
             confidence_gain=self.confidence_gain,
             end=self.end,
             out=None if self.out is None else str(self.out),
@@ -83,6 +87,27 @@ class Simulate:
             print_summary(summary, len(rows))
         if self.out is not None:
             say(f"wrote {len(rows)} logs to {self.out}")
+
+    def _operator(self, scenario) -> tuple[Behaviour, bool, str | None]:
+        """Behaviour, whether the route changes half-way, and the log to play back, if any."""
+        from drake_shared.operators import OPERATORS
+
+        if self.operator == "surrogate":
+            return self.behaviour, False, None
+        if self.operator in OPERATORS:
+            named = OPERATORS[self.operator]
+            plain = dataclasses.asdict(Behaviour())
+            given = [name for name in plain if getattr(self.behaviour, name) != plain[name]]
+            if given:
+                options = ", ".join(f"--{name.replace('_', '-')}" for name in given)
+                raise InputError(
+                    f"--operator {self.operator}", "", f"has a behaviour of its own; leave out {options}"
+                )
+            return named.behaviour_in(scenario), named.switches, None
+        if not Path(self.operator).exists():
+            names = ", ".join(("surrogate", *OPERATORS))
+            raise InputError(self.operator, "", f"must be a log or one of {names}; there is no such file")
+        return self.behaviour, False, self.operator
 
     def _model(self, scenario) -> Path | None:
         try:

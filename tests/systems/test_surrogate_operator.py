@@ -1,5 +1,6 @@
 """SurrogateOperator: what it does with what it sees, and whether it gets there."""
 
+import copy
 import dataclasses
 import math
 
@@ -33,12 +34,16 @@ class Source(LeafSystem):
         )
 
 
-def commands(scenario, *, pose, behaviour=CALM, route=None, duration=2.0, noise=None) -> np.ndarray:
-    """Commands (n, 2) of an operator who sees ``pose(time)``, one row a period, as a log has them."""
+def commands(scenario, *, pose, behaviour=CALM, route=None, duration=2.0, noise=None, **others) -> np.ndarray:
+    """Commands (n, 2) of an operator who sees ``pose(time)``, one row a period, as a log has them.
+
+    Other ports of the operator are connected if functions of time are given for them.
+    """
     builder = DiagramBuilder()
     dut = builder.AddSystem(SurrogateOperator(scenario=scenario))
-    for name, size, function in (("pose", 3, pose), ("noise", 2, noise or (lambda time: [0.0, 0.0]))):
-        source = builder.AddSystem(Source(size, function))
+    functions = {"pose": pose, "noise": noise or (lambda time: [0.0, 0.0]), **others}
+    for name, function in functions.items():
+        source = builder.AddSystem(Source(dut.GetInputPort(name).size(), function))
         builder.Connect(source.get_output_port(), dut.GetInputPort(name))
     sink = LogVectorOutput(dut.get_output_port(), builder, PERIOD)
     diagram = builder.Build()
@@ -191,6 +196,117 @@ def test_never_more_than_the_wheels_can_do(open_floor):
     assert np.abs(driven).max() <= limit * (1 + 1e-12)
 
 
+def chances(count: int):
+    samples = np.random.default_rng(5).uniform(size=(count + 1, 4))
+    return lambda time: samples[round(time / PERIOD)]
+
+
+def test_noise_of_muscles_grows_with_the_command(open_floor):
+    rng = np.random.default_rng(6)
+    count = 4000
+    samples = rng.standard_normal((count + 1, 2))
+
+    def spread(x: float) -> np.ndarray:
+        # Behind the plan by more or less for good: a steady command.
+        driven = commands(
+            open_floor,
+            pose=lambda time: [x, 0.0, 0.0],
+            behaviour=dataclasses.replace(CALM, signal_noise=0.1, noise_time=0.1),
+            duration=count * PERIOD,
+            noise=lambda time: samples[round(time / PERIOD)],
+        )[400:]
+        assert driven.std(axis=0) == pytest.approx(0.1 * driven.mean(axis=0), rel=0.07)
+        return driven.std(axis=0)
+
+    assert (spread(3.0) > 1.5 * spread(3.5)).all()
+
+
+def test_a_share_of_the_commands_is_random(open_floor):
+    count = 4000
+    plain, driven = (
+        commands(
+            open_floor,
+            pose=still,
+            behaviour=dataclasses.replace(CALM, random_share=share),
+            duration=count * PERIOD,
+            chance=chances(count),
+        )
+        for share in (0.0, 0.3)
+    )
+    random = np.abs(driven - plain).sum(axis=1) > 1e-9
+    assert random.mean() == pytest.approx(0.3, abs=0.02)
+    limit = open_floor.robot.max_wheel_speed
+    np.testing.assert_allclose(driven[random].mean(axis=0), 0, atol=0.06 * limit)
+    np.testing.assert_allclose(driven[random].std(axis=0), limit / math.sqrt(3), rtol=0.04)
+    assert np.abs(driven).max() <= limit
+
+
+def test_a_laggy_operator_repeats_the_last_command_as_often_as_told(open_floor):
+    count = 4000
+    noise = np.random.default_rng(7).standard_normal((count + 1, 2))
+    driven = commands(
+        open_floor,
+        pose=lambda time: [3.5, 0.0, 0.0],  # Where the wheels' limit is far.
+        behaviour=Behaviour(lag=0.8),
+        duration=count * PERIOD,
+        noise=lambda time: noise[round(time / PERIOD)],
+        chance=chances(count),
+    )
+    assert (np.diff(driven, axis=0) == 0).all(axis=1).mean() == pytest.approx(0.8, abs=0.02)
+
+
+def test_a_stubborn_operator_pushes_against_what_assistance_made_of_the_last_wish(open_floor):
+    wished = commands(open_floor, pose=still)
+    pushed = commands(
+        open_floor,
+        pose=still,
+        behaviour=dataclasses.replace(CALM, stubbornness=0.5),
+        shared_command=lambda time: [1.0, -2.0],
+    )
+    np.testing.assert_allclose(pushed[1:], wished[1:] + 0.5 * (wished[:-1] - [1.0, -2.0]), atol=1e-12)
+
+
+def test_a_yielding_operator_lets_go_as_the_weight_of_the_last_step_falls(open_floor):
+    wished = commands(open_floor, pose=still)
+
+    def weight(time: float) -> list[float]:
+        return [1.0 if time < 1.0 else 0.25]
+
+    held = commands(
+        open_floor, pose=still, behaviour=dataclasses.replace(CALM, yielding=0.8), human_weight=weight
+    )
+    np.testing.assert_array_equal(held[:21], wished[:21])
+    np.testing.assert_allclose(held[21:], 0.4 * wished[21:], atol=1e-12)
+
+
+@pytest.mark.parametrize("reaction", [{"stubbornness": 0.8}, {"yielding": 1.0}])
+def test_nobody_fights_or_yields_alone(scenario, reaction):
+    simulation = Simulation(scenario)
+    plain, alone = (
+        simulation.run(TrialSettings(mode="human", seed=2, behaviour=Behaviour(**options)))
+        for options in ({}, reaction)
+    )
+    np.testing.assert_allclose(alone.commands("human"), plain.commands("human"), atol=1e-9)
+
+
+def test_who_does_not_react_is_not_changed_by_assistance(open_floor):
+    told = {"human_weight": lambda time: [0.3], "shared_command": lambda time: [3.0, -3.0]}
+    np.testing.assert_array_equal(commands(open_floor, pose=still, **told), commands(open_floor, pose=still))
+
+
+def test_a_seed_draws_the_same_noise_whatever_chance_is_used_for(scenario):
+    simulation = Simulation(scenario)
+    plain, lagging = (
+        simulation.run(TrialSettings(mode="human", seed=3, behaviour=Behaviour(lag=lag)))["human_left"][1]
+        for lag in (0.0, 1e-9)
+    )
+    assert plain == lagging != 0
+
+
+def test_a_behaviour_is_copied_by_reference():
+    assert copy.deepcopy(CALM) is CALM
+
+
 @pytest.mark.parametrize(
     ("task", "route"),
     [
@@ -258,6 +374,12 @@ def test_refuses_a_behaviour_that_means_nothing(field, value):
 def test_refuses_zero_where_it_would_divide(field):
     with pytest.raises(InputError, match=f"operator: {field} must be positive"):
         Behaviour(**{field: 0.0})
+
+
+@pytest.mark.parametrize("field", ["random_share", "lag", "yielding"])
+def test_refuses_a_share_above_1(field):
+    with pytest.raises(InputError, match=f"operator: {field} must be at most 1"):
+        Behaviour(**{field: 1.01})
 
 
 def test_refuses_a_delay_longer_than_its_memory():
