@@ -11,6 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from drake_shared.arbitration import DEFAULT
 from drake_shared.errors import InputError
 from drake_shared.learners import load_learner
 from drake_shared.metrics import metrics
@@ -30,6 +31,7 @@ class Batch:
         count: How many trials. The routes of the scenario take turns.
         seed: Of the first trial; each following one has the next.
         mode: "shared", "human" or "agent".
+        arbitration: Name of the arbiter, see `drake_shared.arbitration`.
         behaviour: Of the simulated operator.
         recording: A log whose human commands are played back in place of a simulated operator.
         confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
@@ -42,6 +44,7 @@ class Batch:
     count: int = 1
     seed: int = 0
     mode: str = "shared"
+    arbitration: str = DEFAULT
     behaviour: Behaviour = dataclasses.field(default_factory=Behaviour)
     recording: str | None = None
     confidence_gain: float | None = None
@@ -93,7 +96,7 @@ class _Runner:
             self._recording = recorded.commands("human")[:-1]
             self._recorded_route = recorded.metadata.get("route")
             operator = RecordedInput(period=scenario.control_period)
-        self._simulation = Simulation(scenario, learner=learner, operator=operator)
+        self._simulation = Simulation(scenario, learner=learner, operator=operator, arbiter=batch.arbitration)
 
     def run(self, index: int) -> dict[str, Any]:
         batch = self._batch
