@@ -11,6 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from drake_shared.arbitration import DEFAULT
 from drake_shared.behaviour import Behaviour
 from drake_shared.errors import InputError
 from drake_shared.learners import load_learner
@@ -31,6 +32,7 @@ class Batch:
         count: How many trials. The routes of the scenario take turns.
         seed: Of the first trial; each following one has the next.
         mode: "shared", "human" or "agent".
+        arbitration: Name of the arbiter, see `drake_shared.arbitration`.
         behaviour: Of the simulated operator.
         switching: Whether the operator changes to another route at ``behaviour.switch_time``; then the routes
             that can be left take turns. See :func:`drake_shared.operators.changes_of_route`.
@@ -45,6 +47,7 @@ class Batch:
     count: int = 1
     seed: int = 0
     mode: str = "shared"
+    arbitration: str = DEFAULT
     behaviour: Behaviour = dataclasses.field(default_factory=Behaviour)
     switching: bool = False
     recording: str | None = None
@@ -99,7 +102,7 @@ class _Runner:
             self._recording = recorded.commands("human")[:-1]
             self._recorded_route = recorded.metadata.get("route")
             operator = RecordedInput(period=scenario.control_period)
-        self._simulation = Simulation(scenario, learner=learner, operator=operator)
+        self._simulation = Simulation(scenario, learner=learner, operator=operator, arbiter=batch.arbitration)
 
     def run(self, index: int) -> dict[str, Any]:
         batch = self._batch

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 from pydrake.common import RandomDistribution
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Role, SceneGraph
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import Multiplexer, RandomSource, VectorLogSink
 
+from drake_shared.arbitration import DEFAULT, check_arbiter, describe_arbiter, make_arbiter
 from drake_shared.learners import Learner
 from drake_shared.learners.no_learner import NoLearner
 from drake_shared.obstacles import register_obstacles
@@ -40,6 +42,7 @@ class SharedControl:
         estimator: Predicts where the person is heading.
         controller: Steers the way predicted.
         blender: Divides the control.
+        arbitration: Its name and its whole configuration, as a log keeps them.
         plant: The robot.
         scene_graph: Holds the obstacles.
         log_sink: Logs ``columns``, one row a control period.
@@ -49,7 +52,8 @@ class SharedControl:
     operator: LeafSystem
     estimator: IntentionEstimator
     controller: WaypointController
-    blender: ConfidenceBlender
+    blender: LeafSystem
+    arbitration: dict[str, Any]
     plant: DiffDrivePlant
     scene_graph: SceneGraph
     log_sink: VectorLogSink
@@ -62,6 +66,7 @@ def AddSharedControl(
     scenario: Scenario,
     learner: Learner | None = None,
     operator: LeafSystem | None = None,
+    arbiter: LeafSystem | str = DEFAULT,
     look_ahead: float = 0.6,
     meshcat: Meshcat | None = None,
 ) -> SharedControl:
@@ -79,7 +84,12 @@ def AddSharedControl(
     controller = builder.AddNamedSystem(
         "waypoint_controller", WaypointController(robot=scenario.robot, look_ahead=look_ahead)
     )
-    blender = builder.AddNamedSystem("confidence_blender", ConfidenceBlender())
+    name = arbiter if isinstance(arbiter, str) else None
+    blender = make_arbiter(arbiter, scenario) if isinstance(arbiter, str) else arbiter
+    check_arbiter(blender, name or type(blender).__name__)
+    arbitration = describe_arbiter(blender, name)
+    known = "confidence_blender" if isinstance(blender, ConfidenceBlender) else "arbiter"
+    blender = builder.AddNamedSystem(known, blender)
     # The looks of the robot cost time in every step, and serve only those who look.
     plant = builder.AddNamedSystem(
         "diff_drive_plant",
@@ -159,6 +169,7 @@ def AddSharedControl(
         estimator=estimator,
         controller=controller,
         blender=blender,
+        arbitration=arbitration,
         plant=plant,
         scene_graph=scene_graph,
         log_sink=log_sink,
@@ -171,13 +182,15 @@ def MakeSharedControlDiagram(
     *,
     learner: Learner | None = None,
     operator: LeafSystem | None = None,
+    arbiter: LeafSystem | str = DEFAULT,
     look_ahead: float = 0.6,
     meshcat: Meshcat | None = None,
 ) -> Diagram:
     """Wires the shared-control loop for ``scenario``.
 
-    The systems are named operator, intention_estimator, waypoint_controller, confidence_blender,
-    diff_drive_plant, scene_graph and log_sink; ``diagram.GetSubsystemByName`` finds them.
+    The systems are named operator, intention_estimator, waypoint_controller, confidence_blender (arbiter, if
+    another one divides the control), diff_drive_plant, scene_graph and log_sink;
+    ``diagram.GetSubsystemByName`` finds them.
 
     Args:
         scenario: The task.
@@ -186,8 +199,12 @@ def MakeSharedControlDiagram(
             is state. Input ports named ``pose``, ``human_weight``, ``shared_command``, ``noise`` (Gaussian)
             or ``chance`` (uniform) are connected if it has them. An attribute ``log_columns`` (port name to
             column names) adds columns to the log. A :class:`SurrogateOperator` if None.
+        arbiter: Who divides the control: a name or a system, see `drake_shared.arbitration`.
         look_ahead: Of the agent's controller, in [s].
         meshcat: Shows scene and intention there, if given.
+
+    Raises:
+        InputError: There is no arbiter of that name, or it lacks a port.
     """
     builder = DiagramBuilder()
     parts = AddSharedControl(
@@ -195,6 +212,7 @@ def MakeSharedControlDiagram(
         scenario=scenario,
         learner=learner,
         operator=operator,
+        arbiter=arbiter,
         look_ahead=look_ahead,
         meshcat=meshcat,
     )

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import html
+import json
 import os
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import (
@@ -22,20 +26,37 @@ from drake_shared.learners.no_learner import NoLearner
 from drake_shared.obstacles import register_obstacles
 from drake_shared.robot_geometry import register_robot
 from drake_shared.scenario import scenario_from_dict
-from drake_shared.scenery import draw_scenery, draw_way, look_from_above
+from drake_shared.scenery import GHOST, draw_scenery, draw_way, look_from_above
 from drake_shared.systems.intention_estimator import IntentionEstimator
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
 from drake_shared.systems.log_playback import LogPlayback
 from drake_shared.trial import Trial
 
+# In the picture's corner, over whatever the page draws.
+_NOTE = (
+    "position:fixed;top:12px;left:12px;z-index:1000;padding:6px 10px;border-radius:4px;"
+    "background:#b3261e;color:#fff;font:600 15px sans-serif;pointer-events:none"
+)
 
-def write_replay(trial: Trial, path: str | os.PathLike[str], *, learner: Learner | None = None) -> None:
+
+def write_replay(
+    trial: Trial,
+    path: str | os.PathLike[str],
+    *,
+    learner: Learner | None = None,
+    recorded: np.ndarray | None = None,
+    note: str = "",
+) -> None:
     """Writes ``trial`` as an HTML page that needs nothing else.
 
     Args:
         trial: What to show.
         path: The page to write.
         learner: The one that took part; without it the prediction is not shown.
+        recorded: Shape (n, 2), a way to compare with, in [m]; drawn pale.
+        note: What must be read with the picture, such as that it is open loop.
+
+    What the trial's metadata say but for its scenario is in the page as JSON, in the element ``trial``.
 
     Raises:
         InputError: The page cannot be written, or the log's scenario is not one.
@@ -45,6 +66,8 @@ def write_replay(trial: Trial, path: str | os.PathLike[str], *, learner: Learner
     draw_scenery(meshcat, scenario)
     look_from_above(meshcat, scenario)
     draw_way(meshcat, trial.positions)
+    if recorded is not None:
+        draw_way(meshcat, recorded, "recorded_way", GHOST)
 
     builder = DiagramBuilder()
     scene_graph = builder.AddSystem(SceneGraph())
@@ -77,4 +100,15 @@ def write_replay(trial: Trial, path: str | os.PathLike[str], *, learner: Learner
     meshcat.StopRecording()
     meshcat.PublishRecording()
     with replacing(path) as temporary:
-        temporary.write_text(meshcat.StaticHtml(), encoding="utf-8")
+        temporary.write_text(_annotated(meshcat.StaticHtml(), trial.metadata, note), encoding="utf-8")
+
+
+def _annotated(page: str, metadata: Mapping[str, Any], note: str) -> str:
+    told = json.dumps({name: value for name, value in metadata.items() if name != "scenario"})
+    # Nothing in a script ends it but this.
+    told = told.replace("</", "<\\/")
+    extra = f'<script type="application/json" id="trial">{told}</script>\n'
+    if note:
+        extra += f'<div id="note" style="{_NOTE}">{html.escape(note)}</div>\n'
+    body, end, rest = page.rpartition("</body>")
+    return body + extra + end + rest if end else page + extra

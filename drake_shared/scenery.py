@@ -13,6 +13,8 @@ _BORDER = Rgba(0.62, 0.64, 0.66, 1.0)
 _START = Rgba(0.80, 0.25, 0.22, 1.0)
 _GOAL = Rgba(0.10, 0.62, 0.38, 1.0)
 _WAY = Rgba(0.25, 0.27, 0.30, 1.0)
+GHOST = Rgba(0.70, 0.52, 0.20, 1.0)
+"""Of a way that is there to compare with."""
 
 
 def draw_scenery(meshcat: Meshcat, scenario: Scenario) -> None:
@@ -58,10 +60,10 @@ def look_from_above(meshcat: Meshcat, scenario: Scenario, *, margin: float = 0.1
     )
 
 
-def draw_way(meshcat: Meshcat, positions: np.ndarray, name: str = "way") -> None:
+def draw_way(meshcat: Meshcat, positions: np.ndarray, name: str = "way", colour: Rgba = _WAY) -> None:
     """Draws the way driven, ``positions`` (n, 2) in [m]; nothing for less than two points."""
     if len(positions) < 2:
         meshcat.Delete(name)
         return
     line = np.column_stack([positions, np.full(len(positions), 0.012)]).T
-    meshcat.SetLine(name, line, 3.0, _WAY)
+    meshcat.SetLine(name, line, 3.0, colour)

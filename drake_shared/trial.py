@@ -21,13 +21,14 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventSta
 from pydrake.systems.primitives import VectorLog
 from threadpoolctl import threadpool_limits
 
+from drake_shared.arbitration import DEFAULT
 from drake_shared.demonstrations import LOG_FORMAT, METADATA_KEY
 from drake_shared.diagram import LOG_COLUMNS, AddSharedControl
 from drake_shared.errors import InputError
 from drake_shared.files import replacing
 from drake_shared.learners import Learner
 from drake_shared.scenario import Goal, Scenario
-from drake_shared.systems.confidence_blender import MODES
+from drake_shared.systems.confidence_blender import MODES, ConfidenceBlender
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
 
@@ -42,7 +43,7 @@ class TrialSettings:
     """What differs from trial to trial.
 
     Attributes:
-        mode: "shared", "human" (alone) or "agent" (alone).
+        mode: "shared", "human" (alone) or "agent" (alone); only the arbiter "blend" has the last two.
         seed: Of the simulated operator's noise.
         route: Name of the route that the operator means; for a person, the one instructed. None: unknown.
         then: Name of the route to which a simulated operator changes at ``behaviour.switch_time``, if any.
@@ -112,8 +113,12 @@ class Simulation:
         scenario: The task.
         learner: Predicts intentions; the human drives alone without one.
         operator: See :func:`drake_shared.diagram.MakeSharedControlDiagram`.
+        arbiter: Who divides the control: a name or a system, see `drake_shared.arbitration`.
         look_ahead: Of the agent's controller, in [s].
         meshcat: Shows the trials, if given.
+
+    Raises:
+        InputError: There is no arbiter of that name, or it lacks a port.
     """
 
     def __init__(
@@ -122,6 +127,7 @@ class Simulation:
         *,
         learner: Learner | None = None,
         operator: LeafSystem | None = None,
+        arbiter: LeafSystem | str = DEFAULT,
         look_ahead: float = 0.6,
         meshcat: Meshcat | None = None,
     ) -> None:
@@ -136,6 +142,7 @@ class Simulation:
             scenario=scenario,
             learner=learner,
             operator=operator,
+            arbiter=arbiter,
             look_ahead=look_ahead,
             meshcat=meshcat,
         )
@@ -150,7 +157,7 @@ class Simulation:
             learner: Takes the place of the simulation's own in this trial.
 
         Raises:
-            InputError: The settings name a route that the scenario has not.
+            InputError: The settings name a route that the scenario has not, or a mode the arbiter has not.
         """
         return RunningTrial(self, settings, learner or self.learner)
 
@@ -174,14 +181,22 @@ class RunningTrial:
         root = simulation.diagram.CreateDefaultContext()
         # First of all: it puts every parameter back to its default.
         simulation.diagram.SetRandomContext(root, RandomGenerator(settings.seed))
-        parts.blender.set_mode(parts.blender.GetMyMutableContextFromRoot(root), settings.mode)
+        # An arbiter that leaves one of the two alone is that mode of the blend.
+        self._mode = getattr(parts.blender, "alone", None) or settings.mode
+        if isinstance(parts.blender, ConfidenceBlender):
+            parts.blender.set_mode(parts.blender.GetMyMutableContextFromRoot(root), settings.mode)
+        elif settings.mode != "shared":
+            name = parts.arbitration["name"]
+            raise InputError(
+                "trial", "mode", f"must be shared where {name!r} divides the control", settings.mode
+            )
         if learner is not None:
             parts.estimator.set_learner(
                 parts.estimator.GetMyMutableContextFromRoot(root),
                 learner,
                 confidence_gain=settings.confidence_gain,
                 # An agent that is alone has nobody's command to go by.
-                heed_command=settings.mode != "agent",
+                heed_command=self._mode != "agent",
             )
         own = parts.operator.GetMyMutableContextFromRoot(root)
         if isinstance(parts.operator, SurrogateOperator):
@@ -254,7 +269,8 @@ class RunningTrial:
             "learner_id": None if learner is None else learner.metadata.get("id"),
             "preset": None if learner is None else learner.preset,
             "operator": type(operator).__name__,
-            "mode": settings.mode,
+            "mode": self._mode,
+            "arbitration": self.simulation.parts.arbitration,
             "route": settings.route,
             "then": settings.then,
             "seed": settings.seed,

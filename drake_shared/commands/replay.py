@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
-from drake_shared.commands.common import say
+from drake_shared.commands.common import print_json, say
 from drake_shared.errors import InputError
 
 
@@ -22,6 +22,10 @@ class Replay:
     """HTML file to write."""
     model: Path | None = None
     """Learner whose prediction is shown; default: the one that took part, if its file is still there."""
+    arbitration: str | None = None
+    """Play the human's commands anew under this arbiter, in open loop; see simulate --arbitration."""
+    json: bool = False
+    """With --arbitration: print what was measured as one JSON object."""
 
     def run(self) -> None:
         """Does it."""
@@ -32,8 +36,35 @@ class Replay:
         trial = read_log(self.log)
         check_target(self.out)
         learner = self._learner(trial.metadata)
+        if self.arbitration is not None:
+            self._play(trial, learner)
+            return
         write_replay(trial, self.out, learner=learner)
         say(f"wrote {self.out}" + ("" if learner else " (without a prediction: its learner was not found)"))
+
+    def _play(self, recorded, learner) -> None:
+        from drake_shared.counterfactual import LEFT, play_open_loop
+        from drake_shared.replay import write_replay
+
+        assert self.arbitration is not None
+        if learner is None and self.arbitration != "human":
+            raise InputError("--model", "", "must be given: the learner of this log was not found")
+        played = play_open_loop(recorded, arbiter=self.arbitration, learner=learner)
+        when = (
+            f"the pose never left the recorded one by {LEFT} m"
+            if played.left_at is None
+            else f"the pose left the recorded one by {LEFT} m at {played.left_at:.2f} s"
+        )
+        note = f"Open loop: recorded input under arbitration {self.arbitration!r}; {when}"
+        write_replay(played.trial, self.out, learner=learner, recorded=recorded.positions, note=note)
+        measures = played.measures()
+        if self.json:
+            told = {"open_loop": True, "arbitration": played.trial.metadata["arbitration"]}
+            print_json(told | {"left_recorded_pose_at": played.left_at, "metrics": measures})
+        else:
+            print(note)
+            _print_measures(measures)
+        say(f"wrote {self.out}")
 
     def _learner(self, metadata):
         from drake_shared.files import models_directory
@@ -54,3 +85,9 @@ class Replay:
                 return learner
             raise InputError(named, "", "is no longer the learner of this log; give another with --model")
         return None
+
+
+def _print_measures(measures: dict[str, Any]) -> None:
+    for name, value in measures.items():
+        if value is not None:
+            print(f"  {name:24s} {float(value):10.4g}")

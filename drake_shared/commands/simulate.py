@@ -30,6 +30,8 @@ class Simulate:
     """Of the first trial; each following one has the next."""
     mode: Literal["shared", "human", "agent"] = "shared"
     """Shared control, the operator alone, or the agent alone."""
+    arbitration: str = "blend"
+    """Who divides the control: blend (by confidence), halves, traded, human, agent, or a registered one."""
     operator: str = "surrogate"
     """"surrogate", which the options below describe; a simulated operator by name: primary, noisy, laggy,
     delayed, signal-noise, late-slow, switching, stubborn, yielding, resting, unskilled; or a log whose human
@@ -69,6 +71,7 @@ class Simulate:
             count=self.trials,
             seed=self.seed,
             mode=self.mode,
+            arbitration=self.arbitration,
             behaviour=behaviour,
             switching=switching,
             recording=recording,
@@ -114,7 +117,7 @@ class Simulate:
             _, path = open_learner(scenario, self.model, self.preset)
         except InputError:
             # Someone who drives alone needs no learner; one that was asked for must be there.
-            if self.mode == "human" and self.model is None:
+            if "human" in (self.mode, self.arbitration) and self.model is None:
                 return None
             raise
         return path

@@ -85,7 +85,9 @@ def interval(values: ArrayLike, *, level: float = 0.95, seed: int = 0) -> Estima
     rng = np.random.default_rng(seed)
     means = np.empty(RESAMPLES)
     for begin in range(0, RESAMPLES, 1_000):
-        means[begin : begin + 1_000] = sample[rng.integers(sample.size, size=(1_000, sample.size))].mean(axis=1)
+        means[begin : begin + 1_000] = sample[rng.integers(sample.size, size=(1_000, sample.size))].mean(
+            axis=1
+        )
     low, high = np.quantile(means, [0.5 - level / 2, 0.5 + level / 2])
     return Estimate(mean=mean, low=float(low), high=float(high), count=sample.size)
 

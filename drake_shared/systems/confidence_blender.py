@@ -74,15 +74,25 @@ class ConfidenceBlender(LeafSystem):
         weight = 1.0 if mode == "human" else 0.0
         if mode == "shared":
             weight = 1.0 - min(max(self._confidence_port.Eval(context).item(), 0.0), 1.0)
-        left, right = self._autonomous_port.Eval(context).tolist()
-        # A sum with what is no finite number is none either.
-        output[0] = weight if math.isfinite(weight + left + right) else 1.0
+        output[0] = finite_weight(weight, self._autonomous_port.Eval(context))
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         weight = self._weight_port.Eval(context).item()
-        human = self._human_port.Eval(context)
-        if not all(map(math.isfinite, human.tolist())):
-            human = np.zeros(2)
-        if weight < 1.0:
-            human = weight * human + (1.0 - weight) * self._autonomous_port.Eval(context)
-        output.set_value(human)
+        autonomous = self._autonomous_port.Eval(context)
+        output.set_value(blend(weight, self._human_port.Eval(context), autonomous))
+
+
+def finite_weight(weight: float, autonomous: np.ndarray) -> float:
+    """The human's weight, 1 where it or the agent's command (2,) is no finite number."""
+    left, right = autonomous.tolist()
+    # A sum with what is no finite number is none either.
+    return weight if math.isfinite(weight + left + right) else 1.0
+
+
+def blend(weight: float, human: np.ndarray, autonomous: np.ndarray) -> np.ndarray:
+    """w human + (1 - w) autonomous (2,); a human command that is no number is zero."""
+    if not all(map(math.isfinite, human.tolist())):
+        human = np.zeros(2)
+    if weight < 1.0:
+        human = weight * human + (1.0 - weight) * autonomous
+    return human
