@@ -7,13 +7,14 @@ import functools
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from drake_shared.arbitration import DEFAULT
+from drake_shared.behaviour import Behaviour
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.errors import RunError
 from drake_shared.learners import Learner
 from drake_shared.learners.parameters import PRESETS, TrainingParameters
 from drake_shared.metrics import metrics
 from drake_shared.scenario import Scenario, clearance_scorer, load_scenario
-from drake_shared.systems.surrogate_operator import Behaviour
 from drake_shared.teaching import demonstration_of
 from drake_shared.trial import Simulation, Trial, TrialSettings
 
@@ -52,14 +53,16 @@ def scenario_of(scenario: str | None) -> Scenario:
 
 
 @functools.cache
-def simulation_of(scenario: str | None) -> Simulation:
-    """The diagram of a scenario, built once in a process; `run` says which learner takes part in a trial."""
-    return Simulation(scenario_of(scenario))
+def simulation_of(scenario: str | None, arbitration: str = DEFAULT) -> Simulation:
+    """The diagram of a scenario and an arbiter, built once in a process; any learner may take part."""
+    return Simulation(scenario_of(scenario), arbiter=arbitration)
 
 
-def run(scenario: str | None, learner: Learner | None, **settings: Any) -> Trial:
+def run(
+    scenario: str | None, learner: Learner | None, *, arbitration: str = DEFAULT, **settings: Any
+) -> Trial:
     """One trial with a simulated operator; for the settings see `drake_shared.trial.TrialSettings`."""
-    return simulation_of(scenario).run(TrialSettings(**settings), learner=learner)
+    return simulation_of(scenario, arbitration).run(TrialSettings(**settings), learner=learner)
 
 
 def measured(trial: Trial, **told: Any) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What samples say: intervals by bootstrap, paired differences, corrections for many questions, and verdicts."""
+"""What samples say: intervals by bootstrap, paired differences, many questions at once, and verdicts."""
 
 from __future__ import annotations
 
