@@ -13,6 +13,7 @@ from drake_shared.commands.benchmark import Benchmark
 from drake_shared.commands.drive import Drive
 from drake_shared.commands.evaluate import Evaluate
 from drake_shared.commands.replay import Replay
+from drake_shared.commands.reproduce import Reproduce
 from drake_shared.commands.simulate import Simulate
 from drake_shared.commands.teach import Teach
 from drake_shared.commands.train import Train
@@ -25,6 +26,7 @@ Command = (
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
+    | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Benchmark, tyro.conf.subcommand("benchmark")]
 )
 
