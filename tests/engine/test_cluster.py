@@ -123,20 +123,37 @@ def test_libraries_run_on_one_thread_there_too(cluster, store):
     assert run_tasks([Task("chores:threads")], store, cluster=cluster.address) == [{"torch": 1, "blas": 1}]
 
 
-def test_one_of_two_workers_is_killed_and_nothing_is_lost(environment, make_walks, tmp_path, files_of):
-    tasks = make_walks(16, seconds=0.15)
+def test_a_killed_worker_costs_nothing_and_a_killed_scheduler_what_is_not_done(
+    environment, make_walks, tmp_path, monkeypatch
+):
+    tasks = make_walks(16, seconds=0.1)
+    undisturbed = run_tasks(make_walks(16), Store.open(tmp_path / "here", {}))
     with cluster_of(2, environment, tmp_path) as cluster:
+        scheduler, _, worker = cluster.processes
 
-        def progress(done: int, _total: int) -> None:
+        def kill_worker(done: int, _total: int) -> None:
             if done == 3:
-                kill(cluster.processes[-1])
+                kill(worker)
 
         values = run_tasks(
-            tasks, Store.open(tmp_path / "there", {}), cluster=cluster.address, progress=progress
+            tasks, Store.open(tmp_path / "there", {}), cluster=cluster.address, progress=kill_worker
         )
-    assert cluster.processes[-1].returncode == -signal.SIGKILL
-    undisturbed = run_tasks(make_walks(16), Store.open(tmp_path / "here", {}), workers=2)
-    assert repr(values) == repr(undisturbed)
+        assert worker.returncode == -signal.SIGKILL
+        assert repr(values) == repr(undisturbed)
+
+        def kill_scheduler(done: int, _total: int) -> None:
+            if done == 3:
+                kill(scheduler)
+
+        monkeypatch.setattr(executors, "PATIENCE", 1.0)
+        with pytest.raises(InputError, match="of a Dask scheduler that answers"):
+            run_tasks(
+                tasks, Store.open(tmp_path / "cut", {}), cluster=cluster.address, progress=kill_scheduler
+            )
+    assert 3 <= len(list((tmp_path / "cut" / "results").iterdir())) < 16
+    assert repr(run_tasks(tasks, Store.open(tmp_path / "cut", {}, resume=True), workers=2)) == repr(
+        undisturbed
+    )
 
 
 def test_a_task_that_failed_is_tried_again(cluster, store, tmp_path, make_walks, caplog):
@@ -203,12 +220,14 @@ def test_a_worker_with_other_code_is_refused_whenever_it_comes(
             kill(stranger)
 
 
-def test_workers_must_be_there_and_of_one_thread(environment, store, make_walks, tmp_path):
+def test_workers_must_be_there_and_of_one_thread(environment, store, make_walks, tmp_path, monkeypatch):
+    monkeypatch.setattr(executors, "PATIENCE", executors.PATIENCE / 4)
     with cluster_of(0, environment, tmp_path) as cluster:
         begun = time.monotonic()
         with pytest.raises(InputError, match="--cluster must have a worker"):
             run_tasks(make_walks(1), store, cluster=cluster.address)
         assert time.monotonic() - begun < 10.0
+        monkeypatch.setattr(executors, "PATIENCE", 4.0)
         cluster.start_worker("--nthreads", "2")
         cluster.wait_for(1)
         with pytest.raises(InputError, match=r"^worker tcp://[\d.:]+: --nthreads must be 1 .*, got 2$"):

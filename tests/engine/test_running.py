@@ -29,11 +29,11 @@ except KeyboardInterrupt:
 def test_the_number_of_workers_changes_no_bit(make_walks, tmp_path, files_of):
     tasks = make_walks(6)
     values = [
-        run_tasks(tasks, Store.open(tmp_path / str(workers), {}), workers=workers) for workers in (1, 2, 3)
+        run_tasks(tasks, Store.open(tmp_path / str(workers), {}), workers=workers) for workers in (1, 2)
     ]
-    assert repr(values[0]) == repr(values[1]) == repr(values[2])
+    assert repr(values[0]) == repr(values[1])
     assert [value["seed"] for value in values[0]] == list(range(6))
-    assert files_of(tmp_path / "1") == files_of(tmp_path / "2") == files_of(tmp_path / "3")
+    assert files_of(tmp_path / "1") == files_of(tmp_path / "2")
 
 
 def test_what_is_done_is_not_run_again_and_equal_tasks_are_run_once(store, tmp_path):
@@ -128,7 +128,7 @@ def test_a_worker_with_other_code_is_refused(store, make_walks, monkeypatch):
     assert not (store.folder / "results").exists()
 
 
-def begin(folder: Path, workers: int, environment, seconds: float = 0.3) -> subprocess.Popen:
+def begin(folder: Path, workers: int, environment, seconds: float = 0.2) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, "-c", RUN, str(folder), str(workers), str(seconds)],
         env=environment,
@@ -154,12 +154,12 @@ def test_ctrl_c_leaves_what_is_done_and_resuming_gives_the_same_bits(
     assert (process.returncode, errors) == (130, "")
     done = files_of(tmp_path / "run" / "results")
     assert 2 <= len(done) < 8
-    tasks = [Task("chores:walk", {"seed": seed, "seconds": 0.3}) for seed in range(8)]
+    tasks = [Task("chores:walk", {"seed": seed, "seconds": 0.2}) for seed in range(8)]
     told = []
     values = run_tasks(
         tasks,
         Store.open(tmp_path / "run", {}, resume=True),
-        workers=2,
+        workers=workers,
         progress=lambda *numbers: told.append(numbers),
     )
     assert told[0] == (len(done), 8)
