@@ -2,6 +2,9 @@
 
 The law of :class:`drake_shared.steering.SteeringLaw` is fitted by maximum likelihood, with noise of first
 order. A fit to a person is a model of that person's drives, with its goodness of fit, and no more.
+
+Ten trials hold the delay to some 10 ms, and skill less firmly: an error is corrected only where noise or the
+agent makes one, and hides in the same noise. Its interval is to be read with it.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ import pytest
 from drake_shared.cli import main
 from drake_shared.demonstrations import read_demonstrations
 from drake_shared.learners import load_learner
+from drake_shared.operators import OPERATORS
 from drake_shared.trial import read_log, write_log
 
 COMMANDS = ("drive", "teach", "train", "simulate", "fit-operator", "replay")
@@ -199,6 +200,13 @@ def test_simulate_takes_an_operator_by_name(cli, tmp_path):
     status, out, _ = cli(*ALONE, "--operator", "switching", "--json", "--out", tmp_path)
     assert status == 0
     assert read_log(json.loads(out)["trials"][0]["log"]).metadata["then"] == "left_left"
+
+
+def test_the_help_of_simulate_names_every_operator(cli):
+    status, out, _ = cli("simulate", "--help")
+    assert status == 0
+    words = out.replace(",", " ").replace(";", " ").split()
+    assert set(OPERATORS) <= set(words)
 
 
 def test_a_name_wins_over_a_file_of_that_name(cli, tmp_path, monkeypatch):
