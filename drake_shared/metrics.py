@@ -50,7 +50,7 @@ def metrics(trial: Trial) -> dict[str, Any]:
     contact = bool(trial["contact"].any())
     gap = np.abs(human - autonomous).sum(axis=1)
     human_norm = np.linalg.norm(human, axis=1)
-    limit = _wheel_limit(trial)
+    limit = wheel_limit(trial)
     saturated = np.maximum(np.abs(human), np.abs(autonomous)).max(axis=1, initial=0.0) >= limit - 1e-9
     agreement, agreement_share = _agreement(human, autonomous)
     steps = np.diff(trial.positions, axis=0)
@@ -151,7 +151,8 @@ def _mean(values: np.ndarray) -> float:
     return float(np.mean(values)) if values.size else math.nan
 
 
-def _wheel_limit(trial: Trial) -> float:
+def wheel_limit(trial: Trial) -> float:
+    """The fastest that a wheel of the trial's robot turns, in [rad/s]."""
     robot = trial.metadata["scenario"]["robot"]
     return robot["max_speed"] / robot["wheel_radius"]
 

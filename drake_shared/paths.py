@@ -14,21 +14,24 @@ class Path:
     Args:
         waypoints: Points (n, 2), n >= 2, in [m].
         heading: Direction at the first waypoint, in [rad]; free if None.
+        spacing: Of the points that stand for the curve, in [m].
     """
 
-    def __init__(self, waypoints: np.ndarray, *, heading: float | None = None) -> None:
+    def __init__(
+        self, waypoints: np.ndarray, *, heading: float | None = None, spacing: float = _SPACING
+    ) -> None:
         chords = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
         knots = np.concatenate([[0.0], np.cumsum(chords)])
         free = (2, np.zeros(2))
         first = free if heading is None else (1, np.array([np.cos(heading), np.sin(heading)]))
         curve = CubicSpline(knots, waypoints, bc_type=(first, free))
-        fine = np.linspace(0.0, knots[-1], 4 * max(int(knots[-1] / _SPACING), 100) + 1)
+        fine = np.linspace(0.0, knots[-1], 4 * max(int(knots[-1] / spacing), 100) + 1)
         pieces = np.linalg.norm(np.diff(curve(fine), axis=0), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(pieces)])
         self.length = float(arc[-1])
         """In [m]."""
         # Even in arc length, so that a point is found by a division.
-        count = max(int(self.length / _SPACING), 100) + 1
+        count = max(int(self.length / spacing), 100) + 1
         self._spacing = self.length / (count - 1)
         u = np.interp(np.arange(count) * self._spacing, arc, fine)
         self._points = curve(u)
@@ -50,7 +53,7 @@ class Path:
     def frame(self, arc_length: float) -> tuple[float, float, float, float]:
         """Position x, y in [m], direction in [rad] and curvature in [1/m] at ``arc_length`` in [m].
 
-        Of the nearest of points 5 mm apart.
+        Of the nearest of the points that stand for the curve.
         """
         return self._frames[self._index(arc_length)]
 

@@ -1,5 +1,6 @@
 """The command line: as a process where streams and exit status matter, in this one for the rest."""
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -10,9 +11,10 @@ import pytest
 from drake_shared.cli import main
 from drake_shared.demonstrations import read_demonstrations
 from drake_shared.learners import load_learner
+from drake_shared.operators import OPERATORS
 from drake_shared.trial import read_log, write_log
 
-COMMANDS = ("drive", "teach", "train", "simulate", "replay")
+COMMANDS = ("drive", "teach", "train", "simulate", "fit-operator", "replay")
 ROW = {
     *("seed", "route", "success", "intent_success", "collision", "timeout", "completion_time"),
     *("human_effort", "mean_human_weight", "disagreement", "dissimilarity", "agreement"),
@@ -153,6 +155,9 @@ ALONE = ("simulate", "--mode", "human")
         (("replay", "{log}", "--out", "{folder}"), "{folder} must be a file to write, not a folder"),
         (("replay", "{log}", "--out", "{text}/x.html"), "{text} must be a folder to write to"),
         (("replay", "{log}", "--out", "{folder}/x.html", "--model", "none"), "none must be a file"),
+        (("fit-operator",), "fit: trials must be at least one"),
+        (("fit-operator", "none"), "none must be a log; there is no such file"),
+        (("fit-operator", "{log}", "{text}"), "{text} cannot be read as a log"),
         (("drive", "--scenario", "none"), "none must be a scenario file"),
         (("drive", "--model", "none"), "none must be a file"),
     ],
@@ -185,6 +190,53 @@ def test_simulate_prints_a_table_for_people(cli):
     assert out.startswith("2 trials")
     assert "path_length" in out
     assert "disagreement" in out
+
+
+def test_simulate_takes_an_operator_by_name(cli, tmp_path):
+    status, out, _ = cli(*ALONE, "--operator", "resting", "--json", "--out", tmp_path)
+    assert status == 0
+    told = read_log(json.loads(out)["trials"][0]["log"]).metadata
+    assert (told["operator"], told["behaviour"]["pause"]) == ("SurrogateOperator", 2.0)
+    status, out, _ = cli(*ALONE, "--operator", "switching", "--json", "--out", tmp_path)
+    assert status == 0
+    assert read_log(json.loads(out)["trials"][0]["log"]).metadata["then"] == "left_left"
+
+
+def test_the_help_of_simulate_names_every_operator(cli):
+    status, out, _ = cli("simulate", "--help")
+    assert status == 0
+    words = out.replace(",", " ").replace(";", " ").split()
+    assert set(OPERATORS) <= set(words)
+
+
+def test_a_name_wins_over_a_file_of_that_name(cli, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "laggy").write_text("nothing of use")
+    assert cli(*ALONE, "--operator", "laggy", "--json")[0] == 0
+
+
+def test_fit_operator_says_whose_model_it_is_and_how_well_it_fits(cli, log, human_trial, tmp_path):
+    status, out, err = cli("fit-operator", log)
+    assert (status, err) == (0, "")
+    assert out.startswith("a model fitted to 1 trial (")
+    assert "of a simulated operator" in out
+    assert "set to 0.2" in out
+    assert "of the variance of the commands" in out
+    status, out, _ = cli("fit-operator", log, log, "--json")
+    assert status == 0
+    fit = json.loads(out)
+    assert out.count("\n") == 1
+    assert fit["operator"] == "simulated operator"
+    assert set(fit["skill"]) == {"value", "low", "high"}
+    assert fit["yielding"] is None
+    assert fit["set"]["delay"] == 0.2
+    person = {**human_trial.metadata, "operator": "MouseInput"}
+    write_log(dataclasses.replace(human_trial, metadata=person), tmp_path / "person.parquet")
+    status, out, _ = cli("fit-operator", tmp_path / "person.parquet")
+    assert status == 0
+    assert "of a person" in out
+    assert "set to" not in out
+    assert "a fit of a model to these drives" in out
 
 
 def test_simulate_plays_a_log_back(cli, log, human_trial, tmp_path):
