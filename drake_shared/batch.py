@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_shared.arbitration import DEFAULT
+from drake_shared.authority import Authority
 from drake_shared.errors import InputError
 from drake_shared.learners import load_learner
 from drake_shared.metrics import metrics
@@ -32,6 +33,7 @@ class Batch:
         seed: Of the first trial; each following one has the next.
         mode: "shared", "human" or "agent".
         arbitration: Name of the arbiter, see `drake_shared.arbitration`.
+        authority: What "blend" leaves to the human: True is the default, False nothing, None by preset.
         behaviour: Of the simulated operator.
         recording: A log whose human commands are played back in place of a simulated operator.
         confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
@@ -45,6 +47,7 @@ class Batch:
     seed: int = 0
     mode: str = "shared"
     arbitration: str = DEFAULT
+    authority: Authority | bool | None = None
     behaviour: Behaviour = dataclasses.field(default_factory=Behaviour)
     recording: str | None = None
     confidence_gain: float | None = None
@@ -54,6 +57,9 @@ class Batch:
     def __post_init__(self) -> None:
         if self.count < 1:
             raise InputError("simulate", "trials", "must be at least 1", self.count)
+        if self.authority and self.mode != "shared":
+            # The default is simply not looked at there; one that is asked for contradicts it.
+            raise InputError("authority", "", f"must be left out where the {self.mode} drives alone")
 
 
 def run_batch(batch: Batch, *, workers: int = 1) -> Iterator[dict[str, Any]]:
@@ -96,7 +102,9 @@ class _Runner:
             self._recording = recorded.commands("human")[:-1]
             self._recorded_route = recorded.metadata.get("route")
             operator = RecordedInput(period=scenario.control_period)
-        self._simulation = Simulation(scenario, learner=learner, operator=operator, arbiter=batch.arbitration)
+        self._simulation = Simulation(
+            scenario, learner=learner, operator=operator, arbiter=batch.arbitration, authority=batch.authority
+        )
 
     def run(self, index: int) -> dict[str, Any]:
         batch = self._batch
