@@ -5,6 +5,9 @@ Estimation for Human Agent Collaboration" (2022). Every part is a Drake LeafSyst
 ``MakeSharedControlDiagram`` wires them.
 """
 
+from drake_shared.arbitration import arbiter_names, make_arbiter
+from drake_shared.authority import Authority
+from drake_shared.counterfactual import Counterfactual, play_open_loop
 from drake_shared.demonstrations import read_demonstrations, write_demonstrations
 from drake_shared.diagram import AddSharedControl, MakeSharedControlDiagram, SharedControl
 from drake_shared.errors import DrakeSharedError, InputError, RunError
@@ -25,8 +28,10 @@ from drake_shared.trial import Simulation, Trial, TrialSettings, read_log, run_t
 
 __all__ = [
     "AddSharedControl",
+    "Authority",
     "Behaviour",
     "ConfidenceBlender",
+    "Counterfactual",
     "DiffDrivePlant",
     "DrakeSharedError",
     "InputError",
@@ -44,10 +49,13 @@ __all__ = [
     "Trial",
     "TrialSettings",
     "WaypointController",
+    "arbiter_names",
     "calibrate",
     "load_learner",
     "load_scenario",
+    "make_arbiter",
     "metrics",
+    "play_open_loop",
     "read_demonstrations",
     "read_log",
     "run_trial",

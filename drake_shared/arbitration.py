@@ -21,6 +21,7 @@ from typing import Any
 
 from pydrake.systems.framework import LeafSystem, PortDataType
 
+from drake_shared.authority import Authority, authority_for
 from drake_shared.errors import InputError
 from drake_shared.scenario import Scenario
 from drake_shared.systems.confidence_blender import ConfidenceBlender
@@ -45,15 +46,35 @@ def arbiter_names() -> list[str]:
     return sorted({*_OURS, *(point.name for point in entry_points(group=GROUP))})
 
 
-def make_arbiter(name: str, scenario: Scenario) -> LeafSystem:
+def make_arbiter(
+    name: str,
+    scenario: Scenario,
+    *,
+    preset: str | None = None,
+    authority: Authority | bool | None = None,
+) -> LeafSystem:
     """A new arbiter of that name, for the robot and the control period of ``scenario``.
+
+    Args:
+        name: As the command line calls it.
+        scenario: The task.
+        preset: Of the learner, which decides on the authority if nobody else does.
+        authority: What "blend" leaves to the human: True is the default, False nothing, None by preset.
 
     Raises:
         InputError: There is none of that name, or what was registered cannot be imported, cannot be made or
-            has not the ports of an arbiter.
+            has not the ports of an arbiter; or authority is asked of one that has none.
     """
     make = _find(name)
     offered = {"period": scenario.control_period, "robot": scenario.robot}
+    if name == DEFAULT:
+        if isinstance(authority, bool):
+            authority = Authority() if authority else None
+        elif authority is None:
+            authority = authority_for(preset)
+        make = functools.partial(make, authority=authority)
+    elif authority:
+        raise InputError("authority", "", f"must be left out where {name!r} divides the control")
     try:
         arbiter = make(**{key: value for key, value in offered.items() if key in _parameters(make)})
     except Exception as error:  # What others register may fail in any way.

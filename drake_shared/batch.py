@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_shared.arbitration import DEFAULT
+from drake_shared.authority import Authority
 from drake_shared.behaviour import Behaviour
 from drake_shared.errors import InputError
 from drake_shared.learners import load_learner
@@ -33,6 +34,7 @@ class Batch:
         seed: Of the first trial; each following one has the next.
         mode: "shared", "human" or "agent".
         arbitration: Name of the arbiter, see `drake_shared.arbitration`.
+        authority: What "blend" leaves to the human: True is the default, False nothing, None by preset.
         behaviour: Of the simulated operator.
         switching: Whether the operator changes to another route at ``behaviour.switch_time``; then the routes
             that can be left take turns. See :func:`drake_shared.operators.changes_of_route`.
@@ -48,6 +50,7 @@ class Batch:
     seed: int = 0
     mode: str = "shared"
     arbitration: str = DEFAULT
+    authority: Authority | bool | None = None
     behaviour: Behaviour = dataclasses.field(default_factory=Behaviour)
     switching: bool = False
     recording: str | None = None
@@ -58,6 +61,9 @@ class Batch:
     def __post_init__(self) -> None:
         if self.count < 1:
             raise InputError("simulate", "trials", "must be at least 1", self.count)
+        if self.authority and self.mode != "shared":
+            # The default is simply not looked at there; one that is asked for contradicts it.
+            raise InputError("authority", "", f"must be left out where the {self.mode} drives alone")
 
 
 def run_batch(batch: Batch, *, workers: int = 1) -> Iterator[dict[str, Any]]:
@@ -102,7 +108,9 @@ class _Runner:
             self._recording = recorded.commands("human")[:-1]
             self._recorded_route = recorded.metadata.get("route")
             operator = RecordedInput(period=scenario.control_period)
-        self._simulation = Simulation(scenario, learner=learner, operator=operator, arbiter=batch.arbitration)
+        self._simulation = Simulation(
+            scenario, learner=learner, operator=operator, arbiter=batch.arbitration, authority=batch.authority
+        )
 
     def run(self, index: int) -> dict[str, Any]:
         batch = self._batch

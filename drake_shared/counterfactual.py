@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
+from drake_shared.arbitration import DEFAULT
+from drake_shared.authority import Authority
 from drake_shared.errors import InputError
 from drake_shared.learners import Learner
 from drake_shared.metrics import metrics
@@ -58,7 +61,11 @@ class Counterfactual:
 
 
 def play_open_loop(
-    recorded: Trial, *, arbiter: LeafSystem | str, learner: Learner | None = None
+    recorded: Trial,
+    *,
+    arbiter: LeafSystem | str,
+    learner: Learner | None = None,
+    authority: Authority | bool | None = None,
 ) -> Counterfactual:
     """Plays the human commands of ``recorded``, from where it began, under another arbiter.
 
@@ -66,6 +73,8 @@ def play_open_loop(
         recorded: The trial.
         arbiter: A name or a system, see `drake_shared.arbitration`.
         learner: The one that took part, or another.
+        authority: What "blend" leaves to the human: True is the default, False nothing. If None it is what
+            was left in the recorded trial if that was a blend, too, and else what the learner's preset says.
 
     Raises:
         InputError: The log's scenario is none, there is no such arbiter, or the commands are no numbers.
@@ -78,6 +87,7 @@ def play_open_loop(
         learner=learner,
         operator=RecordedInput(period=scenario.control_period),
         arbiter=arbiter,
+        authority=_authority(told) if authority is None and arbiter == DEFAULT else authority,
         look_ahead=_number(told, "look_ahead", 0.6),
     )
     same_learner = learner is not None and learner.metadata.get("id") == told.get("learner_id")
@@ -109,7 +119,20 @@ def _left_at(recorded: Trial, played: Trial) -> float | None:
     return float(played["t"][left[0]]) if left.size else None
 
 
-def _number(told: Any, field: str, default: Any) -> Any:
+def _authority(told: Mapping[str, Any]) -> Authority | bool | None:
+    """What was left to the human in the recorded trial; None if it was no blend."""
+    if "arbitration" not in told:
+        return False  # Of a time when there was none.
+    try:
+        if told["arbitration"]["name"] != DEFAULT:
+            return None
+        left = told["arbitration"]["configuration"]["authority"]
+        return False if left is None else Authority(**left)
+    except (KeyError, TypeError) as error:
+        raise InputError("the log", "arbitration", "must be name and configuration of an arbiter") from error
+
+
+def _number(told: Mapping[str, Any], field: str, default: Any) -> Any:
     value = told.get(field, default)
     if value is default:
         return default

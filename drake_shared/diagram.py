@@ -11,6 +11,8 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 from pydrake.systems.primitives import Multiplexer, RandomSource, VectorLogSink
 
 from drake_shared.arbitration import DEFAULT, check_arbiter, describe_arbiter, make_arbiter
+from drake_shared.authority import Authority
+from drake_shared.errors import InputError
 from drake_shared.learners import Learner
 from drake_shared.learners.no_learner import NoLearner
 from drake_shared.obstacles import register_obstacles
@@ -67,12 +69,14 @@ def AddSharedControl(
     learner: Learner | None = None,
     operator: LeafSystem | None = None,
     arbiter: LeafSystem | str = DEFAULT,
+    authority: Authority | bool | None = None,
     look_ahead: float = 0.6,
     meshcat: Meshcat | None = None,
 ) -> SharedControl:
     """Adds the whole loop to ``builder``; :func:`MakeSharedControlDiagram` says what the arguments mean."""
     period = scenario.control_period
     operator = operator or SurrogateOperator(scenario=scenario)
+    preset = None if learner is None else learner.preset
     learner = learner or NoLearner(scenario.duration)
 
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
@@ -84,10 +88,15 @@ def AddSharedControl(
     controller = builder.AddNamedSystem(
         "waypoint_controller", WaypointController(robot=scenario.robot, look_ahead=look_ahead)
     )
-    name = arbiter if isinstance(arbiter, str) else None
-    blender = make_arbiter(arbiter, scenario) if isinstance(arbiter, str) else arbiter
-    check_arbiter(blender, name or type(blender).__name__)
-    arbitration = describe_arbiter(blender, name)
+    if isinstance(arbiter, str):
+        blender = make_arbiter(arbiter, scenario, preset=preset, authority=authority)
+        arbitration = describe_arbiter(blender, arbiter)
+    else:
+        if authority is not None:
+            raise InputError("authority", "", "must be left out where a system divides the control")
+        blender = arbiter
+        check_arbiter(blender, type(blender).__name__)
+        arbitration = describe_arbiter(blender)
     known = "confidence_blender" if isinstance(blender, ConfidenceBlender) else "arbiter"
     blender = builder.AddNamedSystem(known, blender)
     # The looks of the robot cost time in every step, and serve only those who look.
@@ -113,6 +122,8 @@ def AddSharedControl(
     builder.Connect(human, blender.GetInputPort("human_command"))
     builder.Connect(autonomous, blender.GetInputPort("autonomous_command"))
     builder.Connect(estimator.GetOutputPort("confidence"), blender.GetInputPort("confidence"))
+    if blender.HasInputPort("idle_time") and operator.HasOutputPort("idle_time"):
+        builder.Connect(operator.GetOutputPort("idle_time"), blender.GetInputPort("idle_time"))
     builder.Connect(shared, plant.GetInputPort("wheel_command"))
     builder.Connect(scene_graph.get_query_output_port(), plant.GetInputPort("geometry_query"))
     # The operator's command is state, so what it reads of the loop reaches it one step late.
@@ -183,6 +194,7 @@ def MakeSharedControlDiagram(
     learner: Learner | None = None,
     operator: LeafSystem | None = None,
     arbiter: LeafSystem | str = DEFAULT,
+    authority: Authority | bool | None = None,
     look_ahead: float = 0.6,
     meshcat: Meshcat | None = None,
 ) -> Diagram:
@@ -197,14 +209,17 @@ def MakeSharedControlDiagram(
         learner: Any object with the learners' ``predict``; without one the human drives alone.
         operator: Any LeafSystem with an output port ``human_command`` (2), [left, right] in [rad/s], that
             is state. Input ports named ``pose``, ``human_weight``, ``shared_command``, ``noise`` (Gaussian)
-            or ``chance`` (uniform) are connected if it has them. An attribute ``log_columns`` (port name to
-            column names) adds columns to the log. A :class:`SurrogateOperator` if None.
+            or ``chance`` (uniform) are connected if it has them, and so is an output port ``idle_time`` (1),
+            the time since the controls were last touched, in [s], that is state. An attribute ``log_columns``
+            (port name to column names) adds columns to the log. A :class:`SurrogateOperator` if None.
         arbiter: Who divides the control: a name or a system, see `drake_shared.arbitration`.
+        authority: What "blend" leaves to the human: True is the default, False nothing; by the learner's
+            preset if None: nothing with "paper" and without a learner.
         look_ahead: Of the agent's controller, in [s].
         meshcat: Shows scene and intention there, if given.
 
     Raises:
-        InputError: There is no arbiter of that name, or it lacks a port.
+        InputError: There is no arbiter of that name, or it lacks a port or has no authority to be set.
     """
     builder = DiagramBuilder()
     parts = AddSharedControl(
@@ -213,6 +228,7 @@ def MakeSharedControlDiagram(
         learner=learner,
         operator=operator,
         arbiter=arbiter,
+        authority=authority,
         look_ahead=look_ahead,
         meshcat=meshcat,
     )

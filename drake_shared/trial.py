@@ -22,6 +22,7 @@ from pydrake.systems.primitives import VectorLog
 from threadpoolctl import threadpool_limits
 
 from drake_shared.arbitration import DEFAULT
+from drake_shared.authority import Authority
 from drake_shared.demonstrations import LOG_FORMAT, METADATA_KEY
 from drake_shared.diagram import LOG_COLUMNS, AddSharedControl
 from drake_shared.errors import InputError
@@ -114,11 +115,13 @@ class Simulation:
         learner: Predicts intentions; the human drives alone without one.
         operator: See :func:`drake_shared.diagram.MakeSharedControlDiagram`.
         arbiter: Who divides the control: a name or a system, see `drake_shared.arbitration`.
+        authority: What "blend" leaves to the human; as for
+            :func:`drake_shared.diagram.MakeSharedControlDiagram`.
         look_ahead: Of the agent's controller, in [s].
         meshcat: Shows the trials, if given.
 
     Raises:
-        InputError: There is no arbiter of that name, or it lacks a port.
+        InputError: There is no arbiter of that name, or it lacks a port or has no authority to be set.
     """
 
     def __init__(
@@ -128,6 +131,7 @@ class Simulation:
         learner: Learner | None = None,
         operator: LeafSystem | None = None,
         arbiter: LeafSystem | str = DEFAULT,
+        authority: Authority | bool | None = None,
         look_ahead: float = 0.6,
         meshcat: Meshcat | None = None,
     ) -> None:
@@ -143,6 +147,7 @@ class Simulation:
             learner=learner,
             operator=operator,
             arbiter=arbiter,
+            authority=authority,
             look_ahead=look_ahead,
             meshcat=meshcat,
         )

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from drake_shared.authority import Authority
 from drake_shared.cli import main
 from drake_shared.counterfactual import LEFT, play_open_loop
 from drake_shared.errors import InputError
@@ -39,6 +40,17 @@ def test_under_the_arbiter_that_was_there_the_trial_repeats_to_the_bit(recorded,
         np.testing.assert_array_equal(played.trial[name][:last], recorded[name][:last], err_msg=name)
     assert played.until_left is played.trial
     assert played.measures()["intent_success"] == metrics(recorded)["intent_success"]
+
+
+@pytest.mark.parametrize("authority", [False, Authority(floor=0.4)])
+def test_the_blend_leaves_to_the_human_what_it_left_then(scenario, learner, authority):
+    simulation = Simulation(scenario, learner=learner, authority=authority)
+    recorded = simulation.run(TrialSettings(route="left_right"))
+    played = play_open_loop(recorded, arbiter="blend", learner=learner)
+    assert played.trial.metadata["arbitration"] == recorded.metadata["arbitration"]
+    np.testing.assert_array_equal(played.trial.positions, recorded.positions)
+    asked = play_open_loop(recorded, arbiter="blend", learner=learner, authority=True)
+    assert asked.trial.metadata["arbitration"] != recorded.metadata["arbitration"]
 
 
 def test_under_another_it_says_when_the_recorded_way_was_left_and_measures_until_then(recorded, learner):
@@ -78,6 +90,7 @@ def test_ends_with_the_record(recorded, learner):
     ("metadata", "said"),
     [
         ({"scenario": {"name": "x"}}, "the log's scenario"),
+        ({"arbitration": {"name": "blend"}}, "arbitration must be name and configuration"),
         ({"look_ahead": -1.0}, "look_ahead must be positive and finite, got -1.0"),
         ({"look_ahead": "far"}, "look_ahead must be positive and finite, got 'far'"),
         ({"confidence_gain": float("nan")}, "confidence_gain must be positive"),

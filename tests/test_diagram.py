@@ -147,7 +147,8 @@ def shared_trial(_two_obstacles, route_learner):
     """A trial in which both take part: the variance falls from 0.2 to 0.001 m^2 along the way."""
     variance = np.linspace(0.2, 0.001, 151)[:, None]
     learner = route_learner(_two_obstacles, "left_right", variance=variance, gain=40.0)
-    return Simulation(_two_obstacles, learner=learner).run(TrialSettings(route="left_right", end="duration"))
+    simulation = Simulation(_two_obstacles, learner=learner, authority=False)
+    return simulation.run(TrialSettings(route="left_right", end="duration"))
 
 
 def test_a_log_has_the_columns_of_the_contract_and_a_row_more_than_steps(shared_trial):

@@ -145,6 +145,7 @@ def test_the_agent_alone_does_not_depend_on_the_operator(simulation):
 
 
 def test_k_is_a_setting(simulation):
+    simulation = Simulation(simulation.scenario, learner=simulation.learner, authority=False)
     usual, sure = (simulation.run(TrialSettings(confidence_gain=k)) for k in (None, 1e-3))
     np.testing.assert_array_equal(sure["human_weight"], 0.0)
     assert usual["human_weight"].max() > 0.5
@@ -173,7 +174,8 @@ def test_a_learner_that_says_nan_leaves_the_human_to_drive_alone(scenario, route
 def test_a_learner_that_fails_on_the_way_hands_over_to_the_human(scenario, route_learner):
     learner = route_learner(scenario, "left_right", variance=1e-4)
     learner.demonstrations[0, 75:] = math.nan
-    trial = Simulation(scenario, learner=learner).run(TrialSettings(route="left_right", end="duration"))
+    simulation = Simulation(scenario, learner=learner, authority=False)
+    trial = simulation.run(TrialSettings(route="left_right", end="duration"))
     assert trial["human_weight"][0] == 0.0
     assert trial["human_weight"][-1] == 1.0
     assert trial.status == "reached"

@@ -24,6 +24,8 @@ class Replay:
     """Learner whose prediction is shown; default: the one that took part, if its file is still there."""
     arbitration: str | None = None
     """Play the human's commands anew under this arbiter, in open loop; see simulate --arbitration."""
+    authority: str | None = None
+    """What the blend leaves to the human, see simulate --authority; default: what it left then."""
     json: bool = False
     """With --arbitration: print what was measured as one JSON object."""
 
@@ -43,13 +45,15 @@ class Replay:
         say(f"wrote {self.out}" + ("" if learner else " (without a prediction: its learner was not found)"))
 
     def _play(self, recorded, learner) -> None:
+        from drake_shared.authority import parse_authority
         from drake_shared.counterfactual import LEFT, play_open_loop
         from drake_shared.replay import write_replay
 
         assert self.arbitration is not None
         if learner is None and self.arbitration != "human":
             raise InputError("--model", "", "must be given: the learner of this log was not found")
-        played = play_open_loop(recorded, arbiter=self.arbitration, learner=learner)
+        authority = None if self.authority is None else parse_authority(self.authority)
+        played = play_open_loop(recorded, arbiter=self.arbitration, learner=learner, authority=authority)
         when = (
             f"the pose never left the recorded one by {LEFT} m"
             if played.left_at is None

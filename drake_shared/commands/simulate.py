@@ -32,6 +32,9 @@ class Simulate:
     """Shared control, the operator alone, or the agent alone."""
     arbitration: str = "blend"
     """Who divides the control: blend (by confidence), halves, traded, human, agent, or a registered one."""
+    authority: str | None = None
+    """What the blend leaves to the operator: on, off, or changes such as "floor=0.3,conflict_time=off";
+    default: off with a learner of preset "paper", else on."""
     operator: str = "surrogate"
     """"surrogate", which the options below describe; a simulated operator by name: primary, noisy, laggy,
     delayed, signal-noise, late-slow, switching, stubborn, yielding, resting, unskilled; or a log whose human
@@ -52,6 +55,7 @@ class Simulate:
         """Does it."""
         from tqdm import tqdm
 
+        from drake_shared.authority import parse_authority
         from drake_shared.batch import Batch, run_batch
         from drake_shared.metrics import summarize
         from drake_shared.scenario import load_scenario
@@ -72,6 +76,7 @@ class Simulate:
             seed=self.seed,
             mode=self.mode,
             arbitration=self.arbitration,
+            authority=None if self.authority is None else parse_authority(self.authority),
             behaviour=behaviour,
             switching=switching,
             recording=recording,

@@ -34,8 +34,8 @@ iframe { width: 100%; height: 26rem; border: 1px solid #ccc; } pre { background:
 """
 _VERDICTS = (
     "A claim <b>holds</b> where its whole interval, adjusted for the number of questions asked together, "
-    "lies beyond the smallest effect of interest; it is <b>reversed</b> where it lies beyond on the other side; "
-    "both sides are <b>equivalent</b> where it lies between; else the question is <b>open</b>."
+    "lies beyond the smallest effect of interest; it is <b>reversed</b> where it lies beyond on the other "
+    "side; both sides are <b>equivalent</b> where it lies between; else the question is <b>open</b>."
 )
 
 

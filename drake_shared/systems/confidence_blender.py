@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
+
+from drake_shared.authority import Authority
+from drake_shared.scenario import Robot
 
 MODES = ("shared", "human", "agent")
+
+# A turn counts as much as a speed by this lever, in [m], when the angle between two twists is taken.
+_LEVER = 0.5
+# A command slower than this, in [m/s] of that measure, points nowhere, and one below it in [rad/s] is none.
+_POINTING, _NOTHING = 0.05, 1e-6
 
 
 class ConfidenceBlender(LeafSystem):
@@ -21,6 +31,7 @@ class ConfidenceBlender(LeafSystem):
         - human_command
         - autonomous_command
         - confidence
+        - idle_time
         output_ports:
         - shared_command
         - human_weight
@@ -29,6 +40,8 @@ class ConfidenceBlender(LeafSystem):
         human_command (2): Wheel speeds [left, right] in [rad/s].
         autonomous_command (2): The same, of the agent.
         confidence (1): c_f, in [0, 1].
+        idle_time (1): Time since the human last touched the controls, in [s]; may be left open. Only with an
+            authority.
 
     Outputs:
         shared_command (2): w human + (1 - w) autonomous, in [rad/s]. Feeds through.
@@ -39,10 +52,41 @@ class ConfidenceBlender(LeafSystem):
 
     Parameters (of the Context):
         mode: "shared", or "human" (w = 1) or "agent" (w = 0) for comparison; see :meth:`set_mode`.
+
+    With an :class:`~drake_shared.authority.Authority` there is, in mode "shared", more to w than confidence:
+
+    - It is never below the floor.
+    - Commands are compared as twists (v, lever * yaw rate) with a lever of 0.5 m. Once they have pointed
+      apart for the conflict time, w goes to 1, and comes back after they have agreed for the agreement time.
+    - Once the human has given nothing for the hands-off time, w goes to 1 as well, and a human who commands
+      nothing stands still. With an ``idle_time`` it is that which counts, and the command must be zero;
+      without, how long the command has been zero.
+    - w changes no faster than its rate, from 1 at the start. Only where the agent's command is no number
+      is w = 1 at once.
+    - The shared command moves straight towards the blend, each wheel no faster than its rate, from rest at
+      the start. So it lies between both commands only once it has caught up; until then it lies between the
+      command before and the blend. It goes beyond neither, and where both commands agree, not beyond them.
+
+    State, with an authority:
+        before (7): w and the shared command, in [rad/s], of the step before; how long the commands have
+            pointed apart, how long they have agreed again, in [s], and 1 while the agent has let go for
+            that; how long the human has given nothing, in [s].
+
+    Nothing lags: w follows the confidence of the same step.
+
+    Args:
+        authority: What is left to the human; None: what the confidence says.
+        robot: For the twist that a command means.
+        period: Of the control step, in [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self, *, authority: Authority | None = None, robot: Robot | None = None, period: float = 0.05
+    ) -> None:
         super().__init__()
+        self._authority = authority
+        self._robot = robot or Robot()
+        self._period = period
         self._human_port = self.DeclareVectorInputPort("human_command", 2)
         self._autonomous_port = self.DeclareVectorInputPort("autonomous_command", 2)
         self._confidence_port = self.DeclareVectorInputPort("confidence", 1)
@@ -52,12 +96,30 @@ class ConfidenceBlender(LeafSystem):
             for port in (self._human_port, self._autonomous_port, self._confidence_port)
         )
         mode = self.pa_ticket()
-        self._weight_port = self.DeclareVectorOutputPort(
-            "human_weight", 1, self._calc_weight, {autonomous, confidence, mode}
+        if authority is None:
+            self._weight_port = self.DeclareVectorOutputPort(
+                "human_weight", 1, self._calc_weight, {autonomous, confidence, mode}
+            )
+            self.DeclareVectorOutputPort(
+                "shared_command", 2, self._calc_command, {human, autonomous, confidence, mode}
+            )
+            return
+        self._idle_port = self.DeclareVectorInputPort("idle_time", 1)
+        self._before_index = self.DeclareDiscreteState(np.array(_Held().to_list()))
+        idle = self.input_port_ticket(self._idle_port.get_index())
+        prerequisites = {human, autonomous, confidence, idle, mode, self.xd_ticket()}
+        self._held = self.DeclareCacheEntry(
+            "held", ValueProducer(lambda: Value(_Held()), self._calc_held), prerequisites
         )
-        self.DeclareVectorOutputPort(
-            "shared_command", 2, self._calc_command, {human, autonomous, confidence, mode}
-        )
+        from_held = {self._held.ticket()}
+        self.DeclareVectorOutputPort("human_weight", 1, self._calc_held_weight, from_held)
+        self.DeclareVectorOutputPort("shared_command", 2, self._calc_held_command, from_held)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    @property
+    def configuration(self) -> dict[str, Any]:
+        """What a log says of it."""
+        return {"authority": None if self._authority is None else self._authority.to_json()}
 
     def set_mode(self, context: Context, mode: str) -> None:
         """Sets who takes part: "shared", "human" or "agent".
@@ -80,6 +142,110 @@ class ConfidenceBlender(LeafSystem):
         weight = self._weight_port.Eval(context).item()
         autonomous = self._autonomous_port.Eval(context)
         output.set_value(blend(weight, self._human_port.Eval(context), autonomous))
+
+    def _calc_held(self, context: Context, output: Value) -> None:
+        """What is applied now, and with it what the next step goes on from."""
+        before = _Held(*context.get_discrete_state(self._before_index).value().tolist())
+        human, autonomous = self._human_port.Eval(context), self._autonomous_port.Eval(context)
+        mode = context.get_abstract_parameter(self._mode_index).get_value()
+        held = self._watched(before, human, autonomous, self._idle(context))
+        if mode == "shared":
+            weight = self._weighed(before, held, self._confidence_port.Eval(context).item())
+        else:
+            weight = 1.0 if mode == "human" else 0.0
+        weight = finite_weight(weight, autonomous)
+        command = blend(weight, human, autonomous)
+        if mode == "shared":
+            command = self._caught_up(before, command)
+        left, right = command.tolist()
+        output.set_value(dataclasses.replace(held, weight=weight, left=left, right=right))
+
+    def _idle(self, context: Context) -> float | None:
+        return self._idle_port.Eval(context).item() if self._idle_port.HasValue(context) else None
+
+    def _watched(self, before: _Held, human: np.ndarray, agent: np.ndarray, idle: float | None) -> _Held:
+        """How long what has lasted, by now."""
+        authority, period = self._authority, self._period
+        assert authority is not None
+        h, a = human.tolist(), agent.tolist()
+        angle = self._angle(h, a)
+        apart = before.apart + period if angle > authority.conflict_angle else 0.0
+        # What points nowhere neither agrees nor contradicts.
+        agreed = before.agreed + period if angle < authority.agreement_angle else 0.0
+        released = before.released
+        if authority.conflict_time is not None:
+            if released:
+                released = float(agreed < authority.agreement_time - 1e-9)
+            else:
+                released = float(apart >= authority.conflict_time - 1e-9)
+        gives = math.isfinite(h[0] + h[1]) and max(abs(h[0]), abs(h[1])) > _NOTHING
+        still = 0.0 if gives else (before.still + period if idle is None else idle)
+        return _Held(apart=apart, agreed=agreed, released=released, still=still)
+
+    def _angle(self, human: list[float], agent: list[float]) -> float:
+        """Between both commands as twists, in [rad]; NaN if one of them points nowhere."""
+        speed, yaw_rate = self._robot.twist(*human)
+        other_speed, other_yaw_rate = self._robot.twist(*agent)
+        turn, other_turn = _LEVER * yaw_rate, _LEVER * other_yaw_rate
+        if not min(math.hypot(speed, turn), math.hypot(other_speed, other_turn)) > _POINTING:
+            return math.nan
+        across = speed * other_turn - turn * other_speed
+        return abs(math.atan2(across, speed * other_speed + turn * other_turn))
+
+    def _weighed(self, before: _Held, held: _Held, confidence: float) -> float:
+        """w, by confidence and authority, no further from that before than its rate allows."""
+        authority = self._authority
+        assert authority is not None
+        weight = 1.0 - min(max(confidence, 0.0), 1.0) if not math.isnan(confidence) else 1.0
+        weight, rate = max(weight, authority.floor), authority.weight_rate
+        hands_off = authority.hands_off_time is not None and held.still >= authority.hands_off_time - 1e-9
+        if held.released or hands_off:
+            weight = 1.0
+            rate = 1.0 / (authority.release_time if held.released else authority.stop_time)
+        if rate is None:
+            return weight
+        most = rate * self._period
+        return min(max(weight, before.weight - most), before.weight + most)
+
+    def _caught_up(self, before: _Held, command: np.ndarray) -> np.ndarray:
+        """As far from the command before towards ``command`` (2,) as the rate allows."""
+        assert self._authority is not None
+        if self._authority.command_rate is None:
+            return command
+        last = np.array([before.left, before.right])
+        way = command - last
+        furthest = float(np.abs(way).max())
+        most = self._authority.command_rate * self._period
+        return command if furthest <= most else last + most / furthest * way
+
+    def _calc_held_weight(self, context: Context, output: BasicVector) -> None:
+        output[0] = self._held.Eval(context).weight
+
+    def _calc_held_command(self, context: Context, output: BasicVector) -> None:
+        held: _Held = self._held.Eval(context)
+        output.set_value(np.array([held.left, held.right]))
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        state.set_value(self._before_index, self._held.Eval(context).to_list())
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Held:
+    """What one step hands to the next; see the State of :class:`ConfidenceBlender`."""
+
+    weight: float = 1.0
+    left: float = 0.0
+    right: float = 0.0
+    apart: float = 0.0
+    agreed: float = 0.0
+    released: float = 0.0
+    still: float = 0.0
+
+    def to_list(self) -> list[float]:
+        return [
+            *(self.weight, self.left, self.right),
+            *(self.apart, self.agreed, self.released, self.still),
+        ]
 
 
 def finite_weight(weight: float, autonomous: np.ndarray) -> float:

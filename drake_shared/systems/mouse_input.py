@@ -68,12 +68,14 @@ class MouseInput(LeafSystem):
         output_ports:
         - human_command
         - mouse
+        - idle_time
 
     ``human_command`` (2,) is the wheel speeds [left, right] in [rad/s]. ``mouse`` (6,) is what a log
     keeps of the driver: the counters x (right) and y (towards the driver) since the driver engaged, the
     age of the sample in [s], the deflection of the stick forward and to the left in [-1, 1], and 1 while
-    engaged, else 0. Both are discrete state, sampled from outside every ``period``; neither port has
-    direct feedthrough, so a trial's log holds all that came in.
+    engaged, else 0. ``idle_time`` (1,) is the time since the mouse, the keys or the gamepad last moved, in
+    [s]; samples that repeat what was known are no events. All are discrete state, sampled from outside every
+    ``period``; no port has direct feedthrough, so a trial's log holds all that came in.
 
     A displacement moves the stick: stick = clip(stick + gain * displacement, -1, 1), where the
     displacement is the difference of the counters since the last sample. Counters lose nothing where
@@ -138,8 +140,12 @@ class MouseInput(LeafSystem):
         self._mouse = self.DeclareDiscreteState(np.array([0.0, 0.0, _OLDEST, 0.0, 0.0, 0.0]))
         # What the next sample is compared with: engagement, counters x, y, stick forward, stick left.
         self._memory = self.DeclareDiscreteState(np.array([-1.0, 0.0, 0.0, 0.0, 0.0]))
+        # Time since the last event, and what keys or gamepad gave then, forward and to the left.
+        self._idle = self.DeclareDiscreteState(1)
+        self._held = self.DeclareDiscreteState(2)
         self.DeclareStateOutputPort("human_command", self._command)
         self.DeclareStateOutputPort("mouse", self._mouse)
+        self.DeclareStateOutputPort("idle_time", self._idle)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     @property
@@ -171,6 +177,16 @@ class MouseInput(LeafSystem):
         state.set_value(self._command, command)
         state.set_value(self._mouse, [sample.x, sample.y, age, forward, left, float(sample.engaged)])
         state.set_value(self._memory, [sample.engagement, sample.x, sample.y, *stick])
+        state.set_value(self._idle, [self._idle_time(context, sample)])
+        state.set_value(self._held, [sample.forward, sample.turn])
+
+    def _idle_time(self, context: Context, sample: MouseSample) -> float:
+        """Time since the last event, in [s], this sample counted."""
+        engagement, x, y, *_ = context.get_discrete_state(self._memory).value().tolist()
+        before = [engagement, x, y, *context.get_discrete_state(self._held).value().tolist()]
+        if before != [sample.engagement, sample.x, sample.y, sample.forward, sample.turn]:
+            return 0.0
+        return context.get_discrete_state(self._idle)[0] + self._period
 
     def _moved_stick(self, context: Context, sample: MouseSample) -> tuple[float, float]:
         """The stick, forward and to the left, after the displacement since the last sample."""

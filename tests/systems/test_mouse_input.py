@@ -230,3 +230,20 @@ def test_a_fresh_context_knows_nothing_of_the_last_trial(bench):
 def test_refuses_numbers_that_mean_nothing(name, value):
     with pytest.raises(ValueError, match=f"{name} must be positive and finite"):
         Bench(FakeDriver(), **{name: value})
+
+
+def idle_time(bench: Bench) -> float:
+    return bench.dut.GetOutputPort("idle_time").Eval(bench.context).item()
+
+
+@pytest.mark.parametrize(
+    "event", [{"x": 1.0}, {"y": -1.0}, {"forward": 0.01}, {"turn": -0.5}, {"engagement": 2}]
+)
+def test_idle_time_counts_from_the_last_event_and_not_from_the_last_sample(event):
+    bench = Bench(FakeDriver(engaged=True, engagement=1)).step()
+    for _ in range(10):
+        bench.step(20)
+        bench.driver.set()  # Heard again, with nothing new.
+    assert idle_time(bench) == pytest.approx(200 * PERIOD)
+    assert idle_time(bench.step(**event)) == 0.0
+    assert idle_time(bench.step(4)) == pytest.approx(4 * PERIOD)
