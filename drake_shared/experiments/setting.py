@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from drake_shared.arbitration import DEFAULT
+from drake_shared.authority import authority_for
 from drake_shared.behaviour import Behaviour
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.errors import RunError
@@ -53,16 +54,34 @@ def scenario_of(scenario: str | None) -> Scenario:
 
 
 @functools.cache
-def simulation_of(scenario: str | None, arbitration: str = DEFAULT) -> Simulation:
+def simulation_of(
+    scenario: str | None, arbitration: str = DEFAULT, authority: bool | None = None
+) -> Simulation:
     """The diagram of a scenario and an arbiter, built once in a process; any learner may take part."""
-    return Simulation(scenario_of(scenario), arbiter=arbitration)
+    return Simulation(scenario_of(scenario), arbiter=arbitration, authority=authority)
 
 
 def run(
-    scenario: str | None, learner: Learner | None, *, arbitration: str = DEFAULT, **settings: Any
+    scenario: str | None,
+    learner: Learner | None,
+    *,
+    arbitration: str = DEFAULT,
+    authority: bool | None = None,
+    **settings: Any,
 ) -> Trial:
-    """One trial with a simulated operator; for the settings see `drake_shared.trial.TrialSettings`."""
-    return simulation_of(scenario, arbitration).run(TrialSettings(**settings), learner=learner)
+    """One trial with a simulated operator.
+
+    Args:
+        scenario: File or name.
+        learner: Takes part; the human drives alone without one.
+        arbitration: Name of the arbiter.
+        authority: What "blend" leaves to the human: the default, or nothing; by the learner's preset if None.
+        settings: See `drake_shared.trial.TrialSettings`.
+    """
+    if authority is None and arbitration == DEFAULT:
+        authority = authority_for(None if learner is None else learner.preset) is not None
+    simulation = simulation_of(scenario, arbitration, authority)
+    return simulation.run(TrialSettings(**settings), learner=learner)
 
 
 def measured(trial: Trial, **told: Any) -> dict[str, Any]:
