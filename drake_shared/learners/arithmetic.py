@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 def softplus(values: NDArray[np.float32]) -> NDArray[np.float32]:
     """log(1 + exp(v)); fresh."""
-    if values.size and values.max() > 80.0:
+    if values.size and values.item(values.argmax()) > 80.0:
         return np.logaddexp(values, np.float32(0.0))
     # As exact in float32, and twice as fast; but it would overflow.
     result = np.exp(values)
@@ -21,7 +21,7 @@ def aggregate(codes: NDArray[np.float32], aggregation: str) -> NDArray[np.float3
     It is their mean, or the posterior of a latent variable; see `drake_shared.learners.network.aggregate`.
     """
     if aggregation == "mean":
-        return codes.mean(axis=0)
+        return codes.sum(axis=0) / len(codes)
     half = codes.shape[1] // 2
     precision = softplus(codes[:, half:])
     said = precision * codes[:, :half]
