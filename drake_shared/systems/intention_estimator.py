@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from bisect import bisect_right
 from typing import Any
 
 import numpy as np
@@ -106,7 +107,8 @@ class IntentionEstimator(LeafSystem):
     the agent go along, but does not take control from the human; to point elsewhere gives it back.
 
     Args:
-        learner: Any object with the learners' ``predict``; see :class:`drake_shared.learners.Learner`.
+        learner: Any object with the learners' ``predict``; see :class:`drake_shared.learners.Learner`. Its
+            ``predict_modes`` or ``predict_prefixes`` is asked instead if it has one.
         robot: For where a command leads.
         period: Of the control step, in [s].
         reach: How far ahead a command points, in [s].
@@ -175,28 +177,35 @@ class IntentionEstimator(LeafSystem):
             now = prepared.clock.advance(reached, x, y)
         first = prepared.first_after(now)
         later = prepared.later[first]
-        mean, variance, modes = prepared.predict([now], [(x, y)], later)
-        expected = prepared.at_moments(mean)
-        by_command = 0.0
+        times, positions = [now], [(x, y)]
         pointed = self._pointed(context, x, y, yaw) if prepared.heeds_command else None
         if pointed is not None:
-            then = now + self._reach if prepared.clock is None else prepared.clock.advance(now, *pointed)
-            told, told_variance, modes = prepared.predict([now, then], [(x, y), pointed], later)
+            times.append(
+                now + self._reach if prepared.clock is None else prepared.clock.advance(now, *pointed)
+            )
+            positions.append(pointed)
+        answers, modes = prepared.predict(times, positions, later)
+        mean, variance = answers[0]
+        whole_mean = prepared.padded(mean)
+        expected = whole_mean.take(prepared.moments)
+        by_command = 0.0
+        if pointed is not None:
+            told, told_variance = answers[1]
             moved = (told - mean) ** 2
-            mean = told
+            whole_mean = prepared.padded(told)
             variance = np.maximum(np.maximum(variance, told_variance), moved)
-            by_command = math.sqrt(2.0 * moved.mean())
+            by_command = math.sqrt(2.0 * float(moved.sum()) / moved.size)
         # All queries are later than now: this is the mean of eq. (1), without looking for where to begin.
         spread = float(variance.sum()) / variance.size
         if modes is not None:
             # The agent helps on the way that the driver is on, not on the mean between two.
-            mean = modes.mean[modes.aim]
+            whole_mean = prepared.padded(modes.mean[modes.aim])
         output.set_value(
             _Estimate(
                 intention=Intention(
                     time=now,
                     times=prepared.grid,
-                    mean=prepared.padded(mean),
+                    mean=whole_mean,
                     variance=prepared.padded(variance),
                     first=first,
                     modes=modes,
@@ -231,9 +240,9 @@ class IntentionEstimator(LeafSystem):
     def _calc_influence(self, context: Context, output: BasicVector) -> None:
         estimate = self._estimate.Eval(context)
         before = context.get_discrete_state(self._expected_index).value()
-        squares = (estimate.expected - before) ** 2
-        known = squares[np.isfinite(squares)]
-        output[0] = math.sqrt(2.0 * known.sum() / known.size) if known.size else 0.0
+        moved = (estimate.expected - before).tolist()
+        known = [offset * offset for offset in moved if math.isfinite(offset)]
+        output[0] = math.sqrt(2.0 * sum(known) / len(known)) if known else 0.0
         output[1] = estimate.by_command
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
@@ -258,6 +267,7 @@ class _Prepared:
         self.learner = learner
         self.grid = np.asarray(learner.grid)
         self.duration = float(self.grid[-1])
+        self._times = self.grid.tolist()
         # Queries still to come, from each index on: views made once, so that a step makes none.
         self.later = [self.grid[first:] for first in range(len(self.grid))]
         self.clock = None
@@ -265,32 +275,37 @@ class _Prepared:
             self.clock = ProgressClock(self.grid, learner.demonstrations)
 
         self._predict_modes = getattr(learner, "predict_modes", None)
+        self._predict_prefixes = getattr(learner, "predict_prefixes", None)
         self.heeds_command = heed_command and learner.metadata.get("evidence") == "pose+command"
-        self._moments = np.linspace(0, len(self.grid) - 1, _MOMENTS + 1).round().astype(int)[1:]
+        moments = np.linspace(0, len(self.grid) - 1, _MOMENTS + 1).round().astype(int)[1:]
+        # Where x and y of the moments are in the numbers of a whole grid.
+        self.moments = (2 * moments[:, None] + [0, 1]).ravel()
+        self._unknown = np.full((len(self.grid), 2), math.nan)
 
     def predict(
         self, times: list[float], positions: list[tuple[float, float]], later: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, Modes | None]:
-        """Mean and variance, and the modes if the learner tells them."""
-        if self._predict_modes is not None:
-            return self._predict_modes(np.array(times), np.array(positions), later)
-        return *self.learner.predict(np.array(times), np.array(positions), later), None
+    ) -> tuple[list[tuple[np.ndarray, np.ndarray]], Modes | None]:
+        """Mean and variance after the first observation, the first two, and so on.
 
-    def at_moments(self, later: np.ndarray) -> np.ndarray:
-        """The last rows of a whole grid at the moments (2 * 8,), NaN for those that are past."""
-        rows = self._moments - (len(self.grid) - len(later))
-        values = later[np.maximum(rows, 0)]
-        values[rows < 0] = math.nan
-        return values.ravel()
+        And the modes after all of them, if the learner tells them.
+        """
+        seen_times, seen = np.array(times), np.array(positions)
+        if self._predict_modes is not None:
+            told = [self._predict_modes(seen_times[:n], seen[:n], later) for n in range(1, len(times) + 1)]
+            return [(mean, variance) for mean, variance, _ in told], told[-1][2]
+        if self._predict_prefixes is not None:
+            return self._predict_prefixes(seen_times, seen, later), None
+        predict = self.learner.predict
+        return [predict(seen_times[:n], seen[:n], later) for n in range(1, len(times) + 1)], None
 
     def first_after(self, now: float) -> int:
         """Index of the first query later than ``now``; the last one if there is none."""
-        return min(int(self.grid.searchsorted(now + 1e-9, side="right")), len(self.grid) - 1)
+        return min(bisect_right(self._times, now + 1e-9), len(self._times) - 1)
 
     def padded(self, later: np.ndarray) -> np.ndarray:
         """The last rows of a whole grid, NaN before them."""
-        whole = np.full((len(self.grid), 2), math.nan)
-        whole[len(self.grid) - len(later) :] = later
+        whole = self._unknown.copy()
+        whole[len(whole) - len(later) :] = later
         return whole
 
     def __deepcopy__(self, memo: dict) -> _Prepared:
