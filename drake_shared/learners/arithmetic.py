@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,12 +22,22 @@ def aggregate(codes: NDArray[np.float32], aggregation: str) -> NDArray[np.float3
 
     It is their mean, or the posterior of a latent variable; see `drake_shared.learners.network.aggregate`.
     """
+    return aggregate_each([codes], aggregation)[0]
+
+
+def aggregate_each(groups: Sequence[NDArray[np.float32]], aggregation: str) -> NDArray[np.float32]:
+    """One code each (k, C) for k groups of observations, from theirs (n, C), n >= 1; see `aggregate`."""
     if aggregation == "mean":
-        return codes.sum(axis=0) / len(codes)
+        return np.array([codes.sum(axis=0) / len(codes) for codes in groups])
+    codes = np.concatenate(groups)
     half = codes.shape[1] // 2
     precision = softplus(codes[:, half:])
     said = precision * codes[:, :half]
-    if len(codes) > 1:
-        precision, said = precision.sum(axis=0, keepdims=True), said.sum(axis=0, keepdims=True)
+    if len(codes) > len(groups):
+        begins = np.cumsum([0, *[len(codes) for codes in groups[:-1]]])
+        precision, said = np.add.reduceat(precision, begins), np.add.reduceat(said, begins)
     precision += 1.0
-    return np.concatenate([said[0] / precision[0], 1.0 / precision[0]])
+    result = np.empty((len(groups), 2 * half), np.float32)
+    np.divide(said, precision, out=result[:, :half])
+    np.divide(1.0, precision, out=result[:, half:])
+    return result

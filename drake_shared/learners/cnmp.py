@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drake_shared.demonstrations import Demonstrations
-from drake_shared.learners.arithmetic import aggregate, softplus
+from drake_shared.learners.arithmetic import aggregate_each, softplus
 from drake_shared.learners.cnmp_file import cnmp_from_file, cnmp_to_file
 from drake_shared.learners.cnmp_model import CnmpModel
 from drake_shared.learners.doubt import Doubt
@@ -132,7 +132,8 @@ class CnmpLearner:
             [self._seen(time, x, y) for time, (x, y) in zip(times.tolist(), positions.tolist(), strict=True)],
             np.float32,
         )
-        raw = self._decode(np.array([self._encode(seen[:count]) for count in counts]), prepared)
+        encoded = [self._encode(seen[:count]) for count in counts]
+        raw = self._decode(aggregate_each(encoded, self.model.aggregation), prepared)
         mean = raw[:, :2] * self._scale + prepared.way
         sigma = softplus(raw[:, 2:])
         sigma *= self._sigma_factor
@@ -147,7 +148,7 @@ class CnmpLearner:
         return answers
 
     def _encode(self, seen: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The code (C,) of observations (n, F + 2) together."""
+        """The codes (n, C) of observations (n, F + 2)."""
         hidden = seen
         *inner, (weights, bias) = self.model.encoder
         for inner_weights, inner_bias in inner:
@@ -156,7 +157,7 @@ class CnmpLearner:
             np.maximum(hidden, 0.0, out=hidden)
         hidden = hidden @ weights
         hidden += bias
-        return aggregate(hidden, self.model.aggregation)
+        return hidden
 
     def _seen(self, time: float, x: float, y: float) -> list[float]:
         """What the encoder is told of one observation: time, as `time_features` has it, and where it is."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from drake_shared.learners import Learner, confidence
 from drake_shared.learners.modes import Modes
@@ -58,6 +58,19 @@ _POINTING = 0.05
 NOTHING_YET = Intention(
     time=0.0, times=np.zeros(1), mean=np.full((1, 2), math.nan), variance=np.full((1, 2), math.inf), first=0
 )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class _Estimate(Intention):
+    """An intention with what the other outputs and the state are made of.
+
+    A value of its own in the cache would cost one more call from C++ to Python and back in every step.
+    """
+
+    confidence: float
+    mean_variance: float
+    expected: np.ndarray
+    by_command: float
 
 
 class IntentionEstimator(LeafSystem):
@@ -133,16 +146,12 @@ class IntentionEstimator(LeafSystem):
             self.input_port_ticket(self._pose_port.get_index()),
             self.input_port_ticket(self._human_port.get_index()),
         }
-        self._estimate = self.DeclareCacheEntry(
-            "estimate", ValueProducer(lambda: Value(_Estimate()), self._calc_estimate), prerequisites
+        self._intention_port = self.DeclareAbstractOutputPort(
+            "intention", lambda: Value(NOTHING_YET), self._calc_estimate, prerequisites
         )
-        from_estimate = {self._estimate.ticket()}
-        self.DeclareAbstractOutputPort(
-            "intention", lambda: Value(NOTHING_YET), self._calc_intention, from_estimate
-        )
-        self.DeclareVectorOutputPort("confidence", 1, self._calc_confidence, from_estimate)
-        self.DeclareVectorOutputPort("mean_variance", 1, self._calc_mean_variance, from_estimate)
-        self.DeclareVectorOutputPort("influence", 2, self._calc_influence, from_estimate)
+        self.DeclareVectorOutputPort("confidence", 1, self._calc_confidence, prerequisites)
+        self.DeclareVectorOutputPort("mean_variance", 1, self._calc_mean_variance, prerequisites)
+        self.DeclareVectorOutputPort("influence", 2, self._calc_influence, prerequisites)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def set_learner(
@@ -202,14 +211,12 @@ class IntentionEstimator(LeafSystem):
             whole_mean = prepared.padded(modes.mean[modes.aim])
         output.set_value(
             _Estimate(
-                intention=Intention(
-                    time=now,
-                    times=prepared.grid,
-                    mean=whole_mean,
-                    variance=prepared.padded(variance),
-                    first=first,
-                    modes=modes,
-                ),
+                time=now,
+                times=prepared.grid,
+                mean=whole_mean,
+                variance=prepared.padded(variance),
+                first=first,
+                modes=modes,
                 confidence=confidence(spread, gain),
                 mean_variance=spread,
                 expected=expected,
@@ -228,17 +235,14 @@ class IntentionEstimator(LeafSystem):
         chord = speed * self._reach * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
         return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half)
 
-    def _calc_intention(self, context: Context, output: Value) -> None:
-        output.set_value(self._estimate.Eval(context).intention)
-
     def _calc_confidence(self, context: Context, output: BasicVector) -> None:
-        output[0] = self._estimate.Eval(context).confidence
+        output[0] = self._intention_port.Eval(context).confidence
 
     def _calc_mean_variance(self, context: Context, output: BasicVector) -> None:
-        output[0] = self._estimate.Eval(context).mean_variance
+        output[0] = self._intention_port.Eval(context).mean_variance
 
     def _calc_influence(self, context: Context, output: BasicVector) -> None:
-        estimate = self._estimate.Eval(context)
+        estimate = self._intention_port.Eval(context)
         before = context.get_discrete_state(self._expected_index).value()
         moved = (estimate.expected - before).tolist()
         known = [offset * offset for offset in moved if math.isfinite(offset)]
@@ -246,18 +250,9 @@ class IntentionEstimator(LeafSystem):
         output[1] = estimate.by_command
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        estimate = self._estimate.Eval(context)
-        state.set_value(self._progress_index, [estimate.intention.time])
+        estimate = self._intention_port.Eval(context)
+        state.set_value(self._progress_index, [estimate.time])
         state.set_value(self._expected_index, estimate.expected)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class _Estimate:
-    intention: Intention = NOTHING_YET
-    confidence: float = 0.0
-    mean_variance: float = math.inf
-    expected: np.ndarray | None = None
-    by_command: float = 0.0
 
 
 class _Prepared:
