@@ -57,11 +57,11 @@ def ramps(
 def speeds_after(robot: Robot, wheels: Wheels, command: Wheels, duration: float) -> Wheels:
     """Wheel speeds (left, right), in [rad/s], at the end of a step of ``duration`` s."""
     change = robot.max_wheel_acceleration * duration
-    left, right = (
-        wish if abs(wish - now) <= change else now + math.copysign(change, wish - now)
-        for now, wish in zip(wheels, command, strict=True)
-    )
-    return left, right
+    return _approached(wheels[0], command[0], change), _approached(wheels[1], command[1], change)
+
+
+def _approached(now: float, wish: float, change: float) -> float:
+    return wish if abs(wish - now) <= change else now + math.copysign(change, wish - now)
 
 
 def motion(robot: Robot, pose: Pose, wheels: Wheels, command: Wheels, duration: float) -> list[Pose]:

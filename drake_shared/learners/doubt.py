@@ -66,4 +66,5 @@ class Doubt:
         offsets = (step - index) * self._ways_on[index]
         offsets += self._paths[index]
         offsets -= complex(x, y)
-        return float(np.abs(offsets).min())
+        # Demonstrations are few: a list of them has its least sooner than an array.
+        return min(np.abs(offsets).tolist())
