@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +29,13 @@ def aggregate(codes: NDArray[np.float32], aggregation: str) -> NDArray[np.float3
 def aggregate_each(groups: Sequence[NDArray[np.float32]], aggregation: str) -> NDArray[np.float32]:
     """One code each (k, C) for k groups of observations, from theirs (n, C), n >= 1; see `aggregate`."""
     if aggregation == "mean":
-        return np.array([codes.sum(axis=0) / len(codes) for codes in groups])
+        return np.array([group.sum(axis=0) / len(group) for group in groups])
     codes = np.concatenate(groups)
     half = codes.shape[1] // 2
     precision = softplus(codes[:, half:])
     said = precision * codes[:, :half]
     if len(codes) > len(groups):
-        begins = np.cumsum([0, *[len(codes) for codes in groups[:-1]]])
+        begins = np.array([0, *accumulate(len(group) for group in groups[:-1])])
         precision, said = np.add.reduceat(precision, begins), np.add.reduceat(said, begins)
     precision += 1.0
     result = np.empty((len(groups), 2 * half), np.float32)
