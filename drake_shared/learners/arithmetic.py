@@ -40,5 +40,5 @@ def aggregate_each(groups: Sequence[NDArray[np.float32]], aggregation: str) -> N
     precision += 1.0
     result = np.empty((len(groups), 2 * half), np.float32)
     np.divide(said, precision, out=result[:, :half])
-    np.divide(1.0, precision, out=result[:, half:])
+    np.reciprocal(precision, out=result[:, half:])
     return result

@@ -49,9 +49,11 @@ class CnmpLearner:
             reach=model.doubt_reach,
             gain=model.doubt_gain,
         )
-        self._scale = np.float32(model.scale)
-        self._sigma_factor = np.float32(model.scale * model.sigma_scale)
-        self._sigma_offset = np.float32(model.sigma_floor * model.sigma_scale)
+        # Numbers and biases as arrays of the type and dimensions of what they meet: numpy takes them soonest.
+        self._scale = np.array(model.scale, np.float32)
+        self._sigma_factor = np.array(model.scale * model.sigma_scale, np.float32)
+        self._sigma_offset = np.array(model.sigma_floor * model.sigma_scale, np.float32)
+        self._encoder = [(weights, bias[None]) for weights, bias in model.encoder]
         # One observation is looked up faster in a list than in an array.
         self._way = model.reference.tolist()
         self._harmonics = range(1, model.harmonics + 1)
@@ -62,7 +64,7 @@ class CnmpLearner:
         self._time_weights = np.ascontiguousarray(first[code_size:])
         self._time_bias = bias
         self._layers = [
-            (np.ascontiguousarray(weights.T), bias[:, None]) for weights, bias in model.decoder[1:]
+            (np.ascontiguousarray(weights.T), bias[None, :, None]) for weights, bias in model.decoder[1:]
         ]
         self._on_grid = {0: self._prepare(self.grid)}
         self._prior = self._moments()
@@ -150,7 +152,7 @@ class CnmpLearner:
     def _encode(self, seen: NDArray[np.float32]) -> NDArray[np.float32]:
         """The codes (n, C) of observations (n, F + 2)."""
         hidden = seen
-        *inner, (weights, bias) = self.model.encoder
+        *inner, (weights, bias) = self._encoder
         for inner_weights, inner_bias in inner:
             hidden = hidden @ inner_weights
             hidden += inner_bias
