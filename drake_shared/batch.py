@@ -84,6 +84,9 @@ def run_batch(batch: Batch, *, workers: int = 1) -> Iterator[dict[str, Any]]:
         return
     # A fork server: a fork of a process that has Drake and BLAS threads running may hang.
     context = multiprocessing.get_context("forkserver")
+    # What the workers need is imported once, in the server; its only threads are of libraries that stop them
+    # for a fork.
+    context.set_forkserver_preload([__name__])
     with ProcessPoolExecutor(
         min(workers, batch.count), mp_context=context, initializer=_start_worker, initargs=(batch,)
     ) as pool:

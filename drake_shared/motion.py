@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -13,9 +12,10 @@ from drake_shared.scenario import Robot
 # integrate it to 1e-12 of its length.
 _LARGEST_TURN = 0.1
 _nodes, _weights = np.polynomial.legendre.leggauss(3)
-# Moved from [-1, 1] to [0, 1].
-_NODES: list[float] = (0.5 * (_nodes + 1)).tolist()
-_WEIGHTS: list[float] = (0.5 * _weights).tolist()
+# Pairs of node and weight, moved from [-1, 1] to [0, 1].
+_QUADRATURE: list[tuple[float, float]] = list(
+    zip((0.5 * (_nodes + 1)).tolist(), (0.5 * _weights).tolist(), strict=True)
+)
 
 Pose = tuple[float, float, float]
 Wheels = tuple[float, float]
@@ -23,7 +23,7 @@ Wheels = tuple[float, float]
 
 def ramps(
     robot: Robot, wheels: Wheels, command: Wheels, duration: float
-) -> Iterator[tuple[float, Wheels, Wheels]]:
+) -> list[tuple[float, Wheels, Wheels]]:
     """Cuts a step into parts of constant wheel acceleration.
 
     Each wheel goes from its speed towards the command as fast as it may and then holds it.
@@ -33,37 +33,38 @@ def ramps(
         command: Speeds wanted, (left, right), in [rad/s], within the limits of the wheels.
         duration: Of the step, in [s].
 
-    Yields:
+    Returns:
         Tuples (duration in [s], speeds at the start (left, right), accelerations (left, right)).
     """
     limit = robot.max_wheel_acceleration
     left, right = wheels
-    times = [abs(command[0] - left) / limit, abs(command[1] - right) / limit]
-    signs = [math.copysign(limit, command[0] - left), math.copysign(limit, command[1] - right)]
+    left_wish, right_wish = command
+    left_time, right_time = abs(left_wish - left) / limit, abs(right_wish - right) / limit
+    left_rate, right_rate = math.copysign(limit, left_wish - left), math.copysign(limit, right_wish - right)
+    parts = []
     begin = 0.0
-    for end in sorted((min(times[0], duration), min(times[1], duration), duration)):
+    for end in sorted((min(left_time, duration), min(right_time, duration), duration)):
         if end > begin:
-            rates = [sign if begin < time else 0.0 for sign, time in zip(signs, times, strict=True)]
-            yield end - begin, (left, right), (rates[0], rates[1])
-            left += rates[0] * (end - begin)
-            right += rates[1] * (end - begin)
+            rates = (left_rate if begin < left_time else 0.0, right_rate if begin < right_time else 0.0)
+            parts.append((end - begin, (left, right), rates))
             # What is reached is reached exactly: rounding must not leave a remainder to chase.
-            left = command[0] if end >= times[0] else left
-            right = command[1] if end >= times[1] else right
+            left = left_wish if end >= left_time else left + rates[0] * (end - begin)
+            right = right_wish if end >= right_time else right + rates[1] * (end - begin)
             begin = end
+    return parts
 
 
 def speeds_after(robot: Robot, wheels: Wheels, command: Wheels, duration: float) -> Wheels:
     """Wheel speeds (left, right), in [rad/s], at the end of a step of ``duration`` s."""
     change = robot.max_wheel_acceleration * duration
-    left, right = (
-        wish if abs(wish - now) <= change else now + math.copysign(change, wish - now)
-        for now, wish in zip(wheels, command, strict=True)
-    )
-    return left, right
+    return _approached(wheels[0], command[0], change), _approached(wheels[1], command[1], change)
 
 
-def motion(robot: Robot, pose: Pose, wheels: Wheels, command: Wheels, duration: float) -> Iterator[Pose]:
+def _approached(now: float, wish: float, change: float) -> float:
+    return wish if abs(wish - now) <= change else now + math.copysign(change, wish - now)
+
+
+def motion(robot: Robot, pose: Pose, wheels: Wheels, command: Wheels, duration: float) -> list[Pose]:
     """Poses along one step, each after a turn of at most 0.1 rad; the last is that at its end.
 
     Positions are exact: an arc in closed form where the wheels hold their speeds, a Gauss-Legendre
@@ -76,6 +77,7 @@ def motion(robot: Robot, pose: Pose, wheels: Wheels, command: Wheels, duration: 
         duration: Of the step, in [s].
     """
     x, y, yaw = pose
+    poses = []
     for time, speed, acceleration, yaw_rate, yaw_acceleration in _one_way(robot, wheels, command, duration):
         fastest = max(abs(yaw_rate), abs(yaw_rate + yaw_acceleration * time))
         pieces = max(1, math.ceil(fastest * time / _LARGEST_TURN))
@@ -87,7 +89,7 @@ def motion(robot: Robot, pose: Pose, wheels: Wheels, command: Wheels, duration: 
                 x += chord * math.cos(yaw + half)
                 y += chord * math.sin(yaw + half)
             else:
-                for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+                for node, weight in _QUADRATURE:
                     at = node * step
                     angle = yaw + (yaw_rate + 0.5 * yaw_acceleration * at) * at
                     length = weight * step * (speed + acceleration * at)
@@ -96,19 +98,24 @@ def motion(robot: Robot, pose: Pose, wheels: Wheels, command: Wheels, duration: 
             yaw += (yaw_rate + 0.5 * yaw_acceleration * step) * step
             speed += acceleration * step
             yaw_rate += yaw_acceleration * step
-            yield x, y, yaw
+            poses.append((x, y, yaw))
+    return poses
 
 
-def _one_way(robot: Robot, wheels: Wheels, command: Wheels, duration: float):
+def _one_way(
+    robot: Robot, wheels: Wheels, command: Wheels, duration: float
+) -> list[tuple[float, float, float, float, float]]:
     """The parts of a step as (duration, speed, acceleration, yaw rate, yaw acceleration), in [s], [m], [rad].
 
     A part ends where the robot turns back: one that went there and back would hide how far.
     """
+    parts = []
     for time, speeds, rates in ramps(robot, wheels, command, duration):
         speed, yaw_rate = robot.twist(*speeds)
         acceleration, yaw_acceleration = robot.twist(*rates)
         if speed * acceleration < 0.0 and -speed / acceleration < time:
             until = -speed / acceleration
-            yield until, speed, acceleration, yaw_rate, yaw_acceleration
+            parts.append((until, speed, acceleration, yaw_rate, yaw_acceleration))
             time, speed, yaw_rate = time - until, 0.0, yaw_rate + yaw_acceleration * until
-        yield time, speed, acceleration, yaw_rate, yaw_acceleration
+        parts.append((time, speed, acceleration, yaw_rate, yaw_acceleration))
+    return parts

@@ -139,6 +139,8 @@ class Simulation:
         threadpool_limits(1, user_api="blas")
         self.scenario = scenario
         self.learner = learner
+        # In the metadata of every trial: made once, and never changed.
+        self.scenario_as_data = dataclasses.asdict(scenario)
         self.look_ahead = look_ahead
         builder = DiagramBuilder()
         self.parts = AddSharedControl(
@@ -260,7 +262,7 @@ class RunningTrial:
         return Trial(columns=columns, metadata=described | {"status": status or self.status or "stopped"})
 
     def _describe(self) -> dict[str, Any]:
-        scenario, learner, settings = self.simulation.scenario, self.learner, self.settings
+        learner, settings = self.learner, self.settings
         gain = settings.confidence_gain
         if gain is None and learner is not None:
             gain = learner.confidence_gain
@@ -269,7 +271,7 @@ class RunningTrial:
             "format": LOG_FORMAT,
             "version": LOG_VERSION,
             "software": {"drake_shared": _version("drake_shared"), "drake": _version("drake")},
-            "scenario": dataclasses.asdict(scenario),
+            "scenario": self.simulation.scenario_as_data,
             "learner": None if learner is None else learner.name,
             "learner_id": None if learner is None else learner.metadata.get("id"),
             "preset": None if learner is None else learner.preset,

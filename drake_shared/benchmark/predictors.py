@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-from drake_shared.learners.cnmp import aggregate
+from drake_shared.learners.arithmetic import aggregate
 from drake_shared.learners.cnmp_model import CnmpModel
 from drake_shared.learners.features import time_features
 

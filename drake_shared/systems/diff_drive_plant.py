@@ -120,7 +120,7 @@ class DiffDrivePlant(LeafSystem):
         output.set_value(poses)
 
     def _calc_clearance(self, context: Context, output: BasicVector) -> None:
-        x, y, _ = context.get_discrete_state(self._pose_index).value()
+        x, y, _ = context.get_discrete_state(self._pose_index).value().tolist()
         output[0] = self._gap(self._query(context), x, y)
 
     def _query(self, context: Context) -> QueryObject | None:
@@ -139,7 +139,7 @@ class DiffDrivePlant(LeafSystem):
         path = motion(self._robot, (x, y, yaw), wheels, command, self._period)
         contact = False
         if self._clearance_port.Eval(context)[0] > reach + _MARGIN:
-            *_, (x, y, yaw) = path
+            x, y, yaw = path[-1]
         else:
             x, y, yaw, contact = self._drive_until_contact(self._query(context), (x, y, yaw), path)
         if contact:
@@ -156,7 +156,7 @@ class DiffDrivePlant(LeafSystem):
         fastest = self._robot.max_wheel_speed
         return min(max(command, -fastest), fastest)
 
-    def _drive_until_contact(self, query, start: Pose, path) -> tuple[float, float, float, bool]:
+    def _drive_until_contact(self, query, start: Pose, path: list[Pose]) -> tuple[float, float, float, bool]:
         x, y, yaw = start
         next_x, next_y = x, y
         contact = False

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from bisect import bisect_right
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from drake_shared.learners import Learner, confidence
 from drake_shared.learners.modes import Modes
@@ -59,6 +60,19 @@ NOTHING_YET = Intention(
 )
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class _Estimate(Intention):
+    """An intention with what the other outputs and the state are made of.
+
+    A value of its own in the cache would cost one more call from C++ to Python and back in every step.
+    """
+
+    confidence: float
+    mean_variance: float
+    expected: np.ndarray
+    by_command: float
+
+
 class IntentionEstimator(LeafSystem):
     """Conditions a learner on where the robot is, and says how sure the outcome is.
 
@@ -106,7 +120,8 @@ class IntentionEstimator(LeafSystem):
     the agent go along, but does not take control from the human; to point elsewhere gives it back.
 
     Args:
-        learner: Any object with the learners' ``predict``; see :class:`drake_shared.learners.Learner`.
+        learner: Any object with the learners' ``predict``; see :class:`drake_shared.learners.Learner`. Its
+            ``predict_modes`` or ``predict_prefixes`` is asked instead if it has one.
         robot: For where a command leads.
         period: Of the control step, in [s].
         reach: How far ahead a command points, in [s].
@@ -131,16 +146,12 @@ class IntentionEstimator(LeafSystem):
             self.input_port_ticket(self._pose_port.get_index()),
             self.input_port_ticket(self._human_port.get_index()),
         }
-        self._estimate = self.DeclareCacheEntry(
-            "estimate", ValueProducer(lambda: Value(_Estimate()), self._calc_estimate), prerequisites
+        self._intention_port = self.DeclareAbstractOutputPort(
+            "intention", lambda: Value(NOTHING_YET), self._calc_estimate, prerequisites
         )
-        from_estimate = {self._estimate.ticket()}
-        self.DeclareAbstractOutputPort(
-            "intention", lambda: Value(NOTHING_YET), self._calc_intention, from_estimate
-        )
-        self.DeclareVectorOutputPort("confidence", 1, self._calc_confidence, from_estimate)
-        self.DeclareVectorOutputPort("mean_variance", 1, self._calc_mean_variance, from_estimate)
-        self.DeclareVectorOutputPort("influence", 2, self._calc_influence, from_estimate)
+        self.DeclareVectorOutputPort("confidence", 1, self._calc_confidence, prerequisites)
+        self.DeclareVectorOutputPort("mean_variance", 1, self._calc_mean_variance, prerequisites)
+        self.DeclareVectorOutputPort("influence", 2, self._calc_influence, prerequisites)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def set_learner(
@@ -175,32 +186,37 @@ class IntentionEstimator(LeafSystem):
             now = prepared.clock.advance(reached, x, y)
         first = prepared.first_after(now)
         later = prepared.later[first]
-        mean, variance, modes = prepared.predict([now], [(x, y)], later)
-        expected = prepared.at_moments(mean)
-        by_command = 0.0
+        times, positions = [now], [(x, y)]
         pointed = self._pointed(context, x, y, yaw) if prepared.heeds_command else None
         if pointed is not None:
-            then = now + self._reach if prepared.clock is None else prepared.clock.advance(now, *pointed)
-            told, told_variance, modes = prepared.predict([now, then], [(x, y), pointed], later)
+            times.append(
+                now + self._reach if prepared.clock is None else prepared.clock.advance(now, *pointed)
+            )
+            positions.append(pointed)
+        answers, modes = prepared.predict(times, positions, later)
+        mean, variance = answers[0]
+        whole_mean = prepared.padded(mean)
+        expected = whole_mean.take(prepared.moments)
+        by_command = 0.0
+        if pointed is not None:
+            told, told_variance = answers[1]
             moved = (told - mean) ** 2
-            mean = told
+            whole_mean = prepared.padded(told)
             variance = np.maximum(np.maximum(variance, told_variance), moved)
-            by_command = math.sqrt(2.0 * moved.mean())
+            by_command = math.sqrt(2.0 * float(moved.sum()) / moved.size)
         # All queries are later than now: this is the mean of eq. (1), without looking for where to begin.
         spread = float(variance.sum()) / variance.size
         if modes is not None:
             # The agent helps on the way that the driver is on, not on the mean between two.
-            mean = modes.mean[modes.aim]
+            whole_mean = prepared.padded(modes.mean[modes.aim])
         output.set_value(
             _Estimate(
-                intention=Intention(
-                    time=now,
-                    times=prepared.grid,
-                    mean=prepared.padded(mean),
-                    variance=prepared.padded(variance),
-                    first=first,
-                    modes=modes,
-                ),
+                time=now,
+                times=prepared.grid,
+                mean=whole_mean,
+                variance=prepared.padded(variance),
+                first=first,
+                modes=modes,
                 confidence=confidence(spread, gain),
                 mean_variance=spread,
                 expected=expected,
@@ -219,36 +235,24 @@ class IntentionEstimator(LeafSystem):
         chord = speed * self._reach * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
         return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half)
 
-    def _calc_intention(self, context: Context, output: Value) -> None:
-        output.set_value(self._estimate.Eval(context).intention)
-
     def _calc_confidence(self, context: Context, output: BasicVector) -> None:
-        output[0] = self._estimate.Eval(context).confidence
+        output[0] = self._intention_port.Eval(context).confidence
 
     def _calc_mean_variance(self, context: Context, output: BasicVector) -> None:
-        output[0] = self._estimate.Eval(context).mean_variance
+        output[0] = self._intention_port.Eval(context).mean_variance
 
     def _calc_influence(self, context: Context, output: BasicVector) -> None:
-        estimate = self._estimate.Eval(context)
+        estimate = self._intention_port.Eval(context)
         before = context.get_discrete_state(self._expected_index).value()
-        squares = (estimate.expected - before) ** 2
-        known = squares[np.isfinite(squares)]
-        output[0] = math.sqrt(2.0 * known.sum() / known.size) if known.size else 0.0
+        moved = (estimate.expected - before).tolist()
+        known = [offset * offset for offset in moved if math.isfinite(offset)]
+        output[0] = math.sqrt(2.0 * sum(known) / len(known)) if known else 0.0
         output[1] = estimate.by_command
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        estimate = self._estimate.Eval(context)
-        state.set_value(self._progress_index, [estimate.intention.time])
+        estimate = self._intention_port.Eval(context)
+        state.set_value(self._progress_index, [estimate.time])
         state.set_value(self._expected_index, estimate.expected)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class _Estimate:
-    intention: Intention = NOTHING_YET
-    confidence: float = 0.0
-    mean_variance: float = math.inf
-    expected: np.ndarray | None = None
-    by_command: float = 0.0
 
 
 class _Prepared:
@@ -258,6 +262,7 @@ class _Prepared:
         self.learner = learner
         self.grid = np.asarray(learner.grid)
         self.duration = float(self.grid[-1])
+        self._times = self.grid.tolist()
         # Queries still to come, from each index on: views made once, so that a step makes none.
         self.later = [self.grid[first:] for first in range(len(self.grid))]
         self.clock = None
@@ -265,32 +270,37 @@ class _Prepared:
             self.clock = ProgressClock(self.grid, learner.demonstrations)
 
         self._predict_modes = getattr(learner, "predict_modes", None)
+        self._predict_prefixes = getattr(learner, "predict_prefixes", None)
         self.heeds_command = heed_command and learner.metadata.get("evidence") == "pose+command"
-        self._moments = np.linspace(0, len(self.grid) - 1, _MOMENTS + 1).round().astype(int)[1:]
+        moments = np.linspace(0, len(self.grid) - 1, _MOMENTS + 1).round().astype(int)[1:]
+        # Where x and y of the moments are in the numbers of a whole grid.
+        self.moments = (2 * moments[:, None] + [0, 1]).ravel()
+        self._unknown = np.full((len(self.grid), 2), math.nan)
 
     def predict(
         self, times: list[float], positions: list[tuple[float, float]], later: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, Modes | None]:
-        """Mean and variance, and the modes if the learner tells them."""
-        if self._predict_modes is not None:
-            return self._predict_modes(np.array(times), np.array(positions), later)
-        return *self.learner.predict(np.array(times), np.array(positions), later), None
+    ) -> tuple[list[tuple[np.ndarray, np.ndarray]], Modes | None]:
+        """Mean and variance after the first observation, the first two, and so on.
 
-    def at_moments(self, later: np.ndarray) -> np.ndarray:
-        """The last rows of a whole grid at the moments (2 * 8,), NaN for those that are past."""
-        rows = self._moments - (len(self.grid) - len(later))
-        values = later[np.maximum(rows, 0)]
-        values[rows < 0] = math.nan
-        return values.ravel()
+        And the modes after all of them, if the learner tells them.
+        """
+        seen_times, seen = np.array(times), np.array(positions)
+        if self._predict_modes is not None:
+            told = [self._predict_modes(seen_times[:n], seen[:n], later) for n in range(1, len(times) + 1)]
+            return [(mean, variance) for mean, variance, _ in told], told[-1][2]
+        if self._predict_prefixes is not None:
+            return self._predict_prefixes(seen_times, seen, later), None
+        predict = self.learner.predict
+        return [predict(seen_times[:n], seen[:n], later) for n in range(1, len(times) + 1)], None
 
     def first_after(self, now: float) -> int:
         """Index of the first query later than ``now``; the last one if there is none."""
-        return min(int(self.grid.searchsorted(now + 1e-9, side="right")), len(self.grid) - 1)
+        return min(bisect_right(self._times, now + 1e-9), len(self._times) - 1)
 
     def padded(self, later: np.ndarray) -> np.ndarray:
         """The last rows of a whole grid, NaN before them."""
-        whole = np.full((len(self.grid), 2), math.nan)
-        whole[len(self.grid) - len(later) :] = later
+        whole = self._unknown.copy()
+        whole[len(whole) - len(later) :] = later
         return whole
 
     def __deepcopy__(self, memo: dict) -> _Prepared:

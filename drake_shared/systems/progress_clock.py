@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
+
 import numpy as np
 
 
@@ -24,7 +26,8 @@ class ProgressClock:
         horizon: float = 1.0,
         tolerance: float = 0.03,
     ) -> None:
-        self._times = np.asarray(times, dtype=float)
+        # One time is looked up faster in a list than in an array.
+        self._times: list[float] = np.asarray(times, dtype=float).tolist()
         # As complex numbers, which numpy subtracts and measures in one go each; time first, so that a window
         # of the search is one block of memory.
         self._paths = np.ascontiguousarray((demonstrations[:, :, 0] + 1j * demonstrations[:, :, 1]).T)
@@ -33,11 +36,11 @@ class ProgressClock:
 
     def advance(self, reached: float, x: float, y: float) -> float:
         """The time now, in [s], of a robot at (``x``, ``y``) in [m] that had reached the time ``reached``."""
-        first = int(self._times.searchsorted(reached))
-        last = max(int(self._times.searchsorted(reached + self._horizon, side="right")), first + 1)
+        first = bisect_left(self._times, reached)
+        last = max(bisect_right(self._times, reached + self._horizon), first + 1)
         distances = np.abs(self._paths[first:last] - complex(x, y)).min(axis=1).tolist()
         near = min(distances) + self._tolerance
-        close = [index for index, distance in enumerate(distances) if distance <= near]
-        if not close:  # The position is no number.
-            return reached
-        return max(reached, float(self._times[first + int(close[-1])]))
+        for index in reversed(range(len(distances))):
+            if distances[index] <= near:
+                return max(reached, self._times[first + index])
+        return reached  # The position is no number.

@@ -94,6 +94,20 @@ def test_with_nothing_observed_the_demonstrations_say_what_is_known(learner, two
     np.testing.assert_allclose(learner.predict([], np.empty((0, 2)), [2.0])[0], mean[20:21])
 
 
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_prefixes_are_predicted_as_if_one_at_a_time_to_the_bit(learner, paper_learner, preset):
+    dut = learner if preset == "default" else paper_learner
+    times, positions = np.array([0.5, 1.0, 3.0]), np.array([[0.5, 0.4], [1.0, 2.7], [3.0, 0.7]])
+    for queries in (dut.grid, dut.grid[12:], [0.3, 7.0]):
+        answers = dut.predict_prefixes(times, positions, queries)
+        for count, answer in enumerate(answers, start=1):
+            expected = dut.predict(times[:count], positions[:count], queries)
+            np.testing.assert_array_equal(answer, expected)
+        assert len(answers) == 3
+        assert not np.shares_memory(answers[0][0], answers[1][0])
+    assert dut.predict_prefixes([], np.empty((0, 2)), dut.grid) == []
+
+
 def test_order_of_observations_does_not_matter(learner):
     times, positions = np.array([0.5, 1.0, 3.0]), np.array([[0.5, 0.4], [1.0, 0.7], [3.0, 0.7]])
     one = learner.predict(times, positions, learner.grid)

@@ -43,6 +43,14 @@ def test_several_observations_add_their_mean():
     assert both == pytest.approx(0.5 * 3.0 * 0.3**2)
 
 
+def test_prefixes_are_the_doubts_after_each_observation():
+    measure = Doubt(grid=GRID, demonstrations=PATHS, reach=0.2, gain=3.0)
+    times, positions = np.array([1.0, 0.5, 2.0]), np.array([[1.0, 1.5], [0.5, 1.0], [2.0, 9.0]])
+    counts = (1, 2, 3)
+    assert measure.prefixes(times, positions) == [measure(times[:n], positions[:n]) for n in counts]
+    assert measure.prefixes(times[:0], positions[:0]) == []
+
+
 def test_without_gain_there_is_none_and_nan_stays_nan():
     assert doubt(1.0, 1.0, 9.0, gain=0.0) == 0.0
     assert np.isnan(doubt(np.nan, 1.0, 1.0))

@@ -251,6 +251,25 @@ def test_a_command_points_to_where_it_leads():
     )
 
 
+class PointingInOneGo(Pointing):
+    """Gives all predictions of a step at once, and refuses to be asked for one."""
+
+    def predict_prefixes(self, times, positions, query_times):
+        one_by_one = super().predict
+        return [one_by_one(times[:n], positions[:n], query_times) for n in range(1, len(times) + 1)]
+
+    def predict(self, times, positions, query_times):
+        raise AssertionError("asked for one prediction")
+
+
+@pytest.mark.parametrize("command", [(3.0, 5.0), (0.0, 0.0)])
+def test_a_learner_that_predicts_in_one_go_is_asked_so_and_says_the_same(command):
+    one_by_one, in_one_go = Bench(Pointing()).told(*command), Bench(PointingInOneGo()).told(*command)
+    for port in ("confidence", "mean_variance", "influence"):
+        np.testing.assert_array_equal(in_one_go.eval(port), one_by_one.eval(port))
+    np.testing.assert_array_equal(in_one_go.intention.mean, one_by_one.intention.mean)
+
+
 def test_to_point_elsewhere_raises_the_variance_to_the_squared_distance_of_both_means():
     bench = Bench(Pointing()).told(3.0, 5.0)
     shift = bench.intention.mean[-1, 1]
