@@ -101,7 +101,7 @@ class Trial:
         return np.stack([self["x"], self["y"]], axis=-1)
 
     def commands(self, who: str) -> np.ndarray:
-        """Shape (n, 2), wheel speeds [left, right] in [rad/s] of "human", "autonomous" or "shared"."""
+        """Shape (n, 2), wheel speeds in [rad/s]: "human", "autonomous", "shared" or (if logged) "safe"."""
         return np.stack([self[f"{who}_left"], self[f"{who}_right"]], axis=-1)
 
 
@@ -113,6 +113,7 @@ class Simulation:
         learner: Predicts intentions; the human drives alone without one.
         operator: See :func:`drake_shared.diagram.MakeSharedControlDiagram`.
         look_ahead: Of the agent's controller, in [s].
+        safety_clearance: Kept by a safety filter, in [m]; without one if None.
         meshcat: Shows the trials, if given.
     """
 
@@ -123,6 +124,7 @@ class Simulation:
         learner: Learner | None = None,
         operator: LeafSystem | None = None,
         look_ahead: float = 0.6,
+        safety_clearance: float | None = None,
         meshcat: Meshcat | None = None,
     ) -> None:
         # A second thread for products this small costs up to twenty times what it saves, and changes bits.
@@ -130,6 +132,7 @@ class Simulation:
         self.scenario = scenario
         self.learner = learner
         self.look_ahead = look_ahead
+        self.safety_clearance = safety_clearance
         builder = DiagramBuilder()
         self.parts = AddSharedControl(
             builder,
@@ -137,6 +140,7 @@ class Simulation:
             learner=learner,
             operator=operator,
             look_ahead=look_ahead,
+            safety_clearance=safety_clearance,
             meshcat=meshcat,
         )
         self.diagram = builder.Build()
@@ -257,6 +261,8 @@ class RunningTrial:
             "confidence_gain": gain,
             "look_ahead": self.simulation.look_ahead,
         }
+        if self.simulation.safety_clearance is not None:
+            described["safety_clearance"] = self.simulation.safety_clearance
         if isinstance(operator, SurrogateOperator):
             described["behaviour"] = dataclasses.asdict(settings.behaviour)
         return described
