@@ -235,17 +235,20 @@ class _Gaps:
         Returns:
             None if it does, else the least gaps known of all the paths: shape (m, n), in [m].
         """
-        looked = None
+        looked: tuple[int, int] | None = None
+        ahead = 1
         for _ in range(_LOOKS):
             gaps = self.along(paths)
             low = gaps[0] < required
             first, index = divmod(int(low.argmax()), self.count)
             if not low[first, index]:
                 return None
-            if looked == (first, index):
-                break
+            # From the end of the piece, and if that will not do from its begin.
+            ahead = 1 if looked != (first, index) else ahead - 1
             looked = first, index
-            if self.look(complex(paths.points[0, first + 1]), index) < required[index]:
+            if ahead < 0:
+                break
+            if self.look(complex(paths.points[0, first + ahead]), index) < required[index]:
                 gaps = self.along(paths)
                 break
         return gaps.min(axis=1)
