@@ -153,18 +153,22 @@ def random_states(count: int, *, seed: int):
         found = 0
         while found < 25:
             bench.at(*rng.uniform(-2.5, 2.5, 2), rng.uniform(-math.pi, math.pi), rng.uniform(4, FASTEST, 2))
+            if not CLEARANCE < bench.clearance < CLEARANCE + 0.5:
+                continue
+            if not CLEARANCE < least_gap(bench, (0.0, 0.0), distance, steps=2) < CLEARANCE + 0.1:
+                continue
             if CLEARANCE < least_gap(bench, (0.0, 0.0), distance) < CLEARANCE + 0.05:
                 found += 1
                 yield bench, distance, rng.uniform(0.0, FASTEST, 2)
 
 
-def least_gap(bench: Bench, command, distance: ObstacleDistance) -> float:
+def least_gap(bench: Bench, command, distance: ObstacleDistance, *, steps: int = 60) -> float:
     """The least gap in one step of ``command`` and full braking after it, by the plant's own motion."""
     pose, wheels = tuple(bench.pose.tolist()), tuple(bench.wheels.tolist())
     change = ROBOT.max_wheel_acceleration * PERIOD
     reached = tuple(np.clip(command, np.subtract(wheels, change), np.add(wheels, change)).tolist())
     way = [pose]
-    for told, duration, count in ((reached, PERIOD / 5, 5), ((0.0, 0.0), 0.01, 90)):
+    for told, duration, count in ((reached, PERIOD / 5, 5), ((0.0, 0.0), 0.9 / steps, steps)):
         for _ in range(count):
             way += motion(ROBOT, way[-1], wheels, told, duration)
             wheels = speeds_after(ROBOT, wheels, told, duration)
@@ -172,7 +176,7 @@ def least_gap(bench: Bench, command, distance: ObstacleDistance) -> float:
 
 
 def test_nobody_collides_who_can_still_brake_where_a_third_would():
-    done = tally(600, seed=1)
+    done = tally(300, seed=1)
     assert done.collided == 0
     assert done.came_too_near == 0
     assert done.left_out < 0.3 * done.cases
@@ -189,11 +193,11 @@ def test_changes_a_command_only_where_braking_after_it_would_come_too_near():
             changed += 1
             # Between the points of a path the gap is only bounded from below.
             assert gap < CLEARANCE + 2e-3
-    assert changed > 40
+    assert changed > 20
 
 
 def test_what_it_changes_to_is_safe_and_within_reach():
-    for bench, distance, command in random_states(200, seed=3):
+    for bench, distance, command in random_states(100, seed=3):
         safe = bench.ask(command)
         if not np.array_equal(safe, command):
             assert np.abs(safe - bench.wheels).max() <= ROBOT.max_wheel_acceleration * PERIOD + 1e-9
@@ -208,9 +212,9 @@ def test_the_quadratic_programs_agree_with_drakes_solver(monkeypatch):
         return solved[-1][1]
 
     monkeypatch.setattr(barrier, "least_change", spy)
-    for bench, _, command in random_states(400, seed=4):
+    for bench, _, command in random_states(200, seed=4):
         bench.ask(command)
-    assert len(solved) > 40
+    assert len(solved) > 20
     assert max(len(bounds) for (*_, bounds), _ in solved) >= 4
     for (wish, low, high, normals, bounds), ours in solved:
         reference = reference_program(wish, low, high, normals, bounds)
