@@ -202,21 +202,15 @@ class _Gaps:
 
     def along(self, paths: StoppingPaths) -> np.ndarray:
         """Lower bounds (m, k, n) of the gaps to the obstacles on each piece of each path, in [m]."""
+        return _bounds(self._projected(paths))
+
+    def _projected(self, paths: StoppingPaths) -> np.ndarray:
+        """Gaps at the points of ``paths`` and how they change on the pieces: (m, 3 k + 1, n), in [m]."""
         projected = paths.along @ self._normals
         projected[:, : _PIECES + 1] += self._offsets
-        for index, normal, offset in self._more:
-            other = paths.along @ normal
-            other[:, : _PIECES + 1] += offset
-            known = projected[..., index]
-            higher = other[:, : _PIECES + 1] > known[:, : _PIECES + 1]
-            higher = np.concatenate([higher, higher[:, :-1], higher[:, 1:]], axis=1)
-            np.copyto(known, other, where=higher)
-        gap = projected[:, : _PIECES + 1]
-        nearing = projected[:, _PIECES + 1 : 2 * _PIECES + 1]
-        leaving = projected[:, 2 * _PIECES + 1 :]
-        # A piece that first nears an obstacle and then leaves it comes no nearer than both tangents.
-        dip = np.maximum(np.minimum(nearing, leaving), 0.0)
-        return np.minimum(gap[:, :-1], gap[:, 1:]) - dip
+        for plane in self._more:
+            _raise(projected, paths, *plane)
+        return projected
 
     def look(self, point: complex, index: int) -> float:
         """The gap to obstacle ``index`` with the body at ``point``, in [m]; what is seen from there stays."""
@@ -235,10 +229,11 @@ class _Gaps:
         Returns:
             None if it does, else the least gaps known of all the paths: shape (m, n), in [m].
         """
+        projected = self._projected(paths)
         looked: tuple[int, int] | None = None
         ahead = 1
         for _ in range(_LOOKS):
-            gaps = self.along(paths)
+            gaps = _bounds(projected)
             low = gaps[0] < required
             first, index = divmod(int(low.argmax()), self.count)
             if not low[first, index]:
@@ -248,10 +243,13 @@ class _Gaps:
             looked = first, index
             if ahead < 0:
                 break
-            if self.look(complex(paths.points[0, first + ahead]), index) < required[index]:
-                gaps = self.along(paths)
+            known = len(self._more)
+            gap = self.look(complex(paths.points[0, first + ahead]), index)
+            for plane in self._more[known:]:
+                _raise(projected, paths, *plane)
+            if gap < required[index]:
                 break
-        return gaps.min(axis=1)
+        return _bounds(projected).min(axis=1)
 
     def kept_by(self, paths: StoppingPaths, clearance: float) -> np.ndarray:
         """The gap to each obstacle that the first of ``paths`` keeps, at most ``clearance``: (n,), in [m]."""
@@ -262,6 +260,26 @@ class _Gaps:
             points = np.unique(paths.points[0]).tolist()
             kept[index] = min(clearance, *(self.look(point, index) for point in points))
         return kept
+
+
+def _raise(
+    projected: np.ndarray, paths: StoppingPaths, index: int, normal: np.ndarray, offset: float
+) -> None:
+    """Lets a further half-plane of an obstacle count where it is the higher bound."""
+    other = paths.along @ normal
+    other[:, : _PIECES + 1] += offset
+    known = projected[..., index]
+    higher = other[:, : _PIECES + 1] > known[:, : _PIECES + 1]
+    np.copyto(known, other, where=np.concatenate([higher, higher[:, :-1], higher[:, 1:]], axis=1))
+
+
+def _bounds(projected: np.ndarray) -> np.ndarray:
+    gap = projected[:, : _PIECES + 1]
+    nearing = projected[:, _PIECES + 1 : 2 * _PIECES + 1]
+    leaving = projected[:, 2 * _PIECES + 1 :]
+    # A piece that first nears an obstacle and then leaves it comes no nearer than both tangents.
+    dip = np.maximum(np.minimum(nearing, leaving), 0.0)
+    return np.minimum(gap[:, :-1], gap[:, 1:]) - dip
 
 
 def safe_command(
