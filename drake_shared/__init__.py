@@ -21,6 +21,7 @@ from drake_shared.systems.intention_estimator import Intention, IntentionEstimat
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
 from drake_shared.systems.mouse_input import MouseInput
 from drake_shared.systems.recorded_input import RecordedInput
+from drake_shared.systems.safety_filter import SafetyFilter
 from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
 from drake_shared.systems.waypoint_controller import WaypointController
 from drake_shared.teaching import teach
@@ -42,6 +43,7 @@ __all__ = [
     "MouseInput",
     "RecordedInput",
     "RunError",
+    "SafetyFilter",
     "Scenario",
     "SharedControl",
     "Simulation",

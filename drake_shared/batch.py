@@ -41,6 +41,7 @@ class Batch:
         recording: A log whose human commands are played back in place of a simulated operator.
         confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
         end: "reached" or "duration".
+        safety_clearance: Kept by a safety filter, in [m]; without one if None.
         out: Folder for the logs; none are written if None.
     """
 
@@ -56,6 +57,7 @@ class Batch:
     recording: str | None = None
     confidence_gain: float | None = None
     end: str = "reached"
+    safety_clearance: float | None = None
     out: str | None = None
 
     def __post_init__(self) -> None:
@@ -112,7 +114,12 @@ class _Runner:
             self._recorded_route = recorded.metadata.get("route")
             operator = RecordedInput(period=scenario.control_period)
         self._simulation = Simulation(
-            scenario, learner=learner, operator=operator, arbiter=batch.arbitration, authority=batch.authority
+            scenario,
+            learner=learner,
+            operator=operator,
+            arbiter=batch.arbitration,
+            authority=batch.authority,
+            safety_clearance=batch.safety_clearance,
         )
 
     def run(self, index: int) -> dict[str, Any]:

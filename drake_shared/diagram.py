@@ -21,6 +21,7 @@ from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.intention_estimator import IntentionEstimator
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
+from drake_shared.systems.safety_filter import SafetyFilter
 from drake_shared.systems.surrogate_operator import SurrogateOperator
 from drake_shared.systems.waypoint_controller import WaypointController
 
@@ -33,6 +34,8 @@ LOG_COLUMNS = (
     *("confidence", "human_weight", "mean_variance", "clearance", "contact"),
     *("moved_by_pose", "moved_by_command"),
 )
+# What the robot is told, if a safety filter stands between.
+SAFETY_COLUMNS = ("safe_left", "safe_right")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -48,7 +51,8 @@ class SharedControl:
         plant: The robot.
         scene_graph: Holds the obstacles.
         log_sink: Logs ``columns``, one row a control period.
-        columns: Names of the logged values; those that the operator adds come last.
+        columns: Names of the logged values; those that the operator and the safety filter add come last.
+        safety_filter: Keeps the robot clear of obstacles, if asked for.
     """
 
     operator: LeafSystem
@@ -60,6 +64,7 @@ class SharedControl:
     scene_graph: SceneGraph
     log_sink: VectorLogSink
     columns: tuple[str, ...]
+    safety_filter: SafetyFilter | None = None
 
 
 def AddSharedControl(
@@ -71,6 +76,7 @@ def AddSharedControl(
     arbiter: LeafSystem | str = DEFAULT,
     authority: Authority | bool | None = None,
     look_ahead: float = 0.6,
+    safety_clearance: float | None = None,
     meshcat: Meshcat | None = None,
 ) -> SharedControl:
     """Adds the whole loop to ``builder``; :func:`MakeSharedControlDiagram` says what the arguments mean."""
@@ -124,7 +130,17 @@ def AddSharedControl(
     builder.Connect(estimator.GetOutputPort("confidence"), blender.GetInputPort("confidence"))
     if blender.HasInputPort("idle_time") and operator.HasOutputPort("idle_time"):
         builder.Connect(operator.GetOutputPort("idle_time"), blender.GetInputPort("idle_time"))
-    builder.Connect(shared, plant.GetInputPort("wheel_command"))
+    safety_filter, applied = None, shared
+    if safety_clearance is not None:
+        safety_filter = builder.AddNamedSystem(
+            "safety_filter", SafetyFilter(robot=scenario.robot, clearance=safety_clearance, period=period)
+        )
+        builder.Connect(pose, safety_filter.GetInputPort("pose"))
+        builder.Connect(plant.GetOutputPort("wheel_speed"), safety_filter.GetInputPort("wheel_speed"))
+        builder.Connect(shared, safety_filter.GetInputPort("wheel_command"))
+        builder.Connect(scene_graph.get_query_output_port(), safety_filter.GetInputPort("geometry_query"))
+        applied = safety_filter.GetOutputPort("safe_command")
+    builder.Connect(applied, plant.GetInputPort("wheel_command"))
     builder.Connect(scene_graph.get_query_output_port(), plant.GetInputPort("geometry_query"))
     # The operator's command is state, so what it reads of the loop reaches it one step late.
     offered = {"pose": pose, "human_weight": weight, "shared_command": shared}
@@ -145,10 +161,13 @@ def AddSharedControl(
     logged += [estimator.GetOutputPort("confidence"), weight, estimator.GetOutputPort("mean_variance")]
     logged += [plant.GetOutputPort("clearance"), plant.GetOutputPort("contact")]
     logged += [estimator.GetOutputPort("influence")]
-    columns = LOG_COLUMNS
+    columns: tuple[str, ...] = LOG_COLUMNS
     for name, extra in getattr(operator, "log_columns", {}).items():
         logged.append(operator.GetOutputPort(name))
         columns += tuple(extra)
+    if safety_filter is not None:
+        logged.append(applied)
+        columns += SAFETY_COLUMNS
     multiplexer = builder.AddNamedSystem("log_multiplexer", Multiplexer([port.size() for port in logged]))
     for index, port in enumerate(logged):
         builder.Connect(port, multiplexer.get_input_port(index))
@@ -185,6 +204,7 @@ def AddSharedControl(
         scene_graph=scene_graph,
         log_sink=log_sink,
         columns=columns,
+        safety_filter=safety_filter,
     )
 
 
@@ -196,6 +216,7 @@ def MakeSharedControlDiagram(
     arbiter: LeafSystem | str = DEFAULT,
     authority: Authority | bool | None = None,
     look_ahead: float = 0.6,
+    safety_clearance: float | None = None,
     meshcat: Meshcat | None = None,
 ) -> Diagram:
     """Wires the shared-control loop for ``scenario``.
@@ -216,6 +237,8 @@ def MakeSharedControlDiagram(
         authority: What "blend" leaves to the human: True is the default, False nothing; by the learner's
             preset if None: nothing with "paper" and without a learner.
         look_ahead: Of the agent's controller, in [s].
+        safety_clearance: If given, a :class:`SafetyFilter` named safety_filter keeps it, in [m], and what
+            the robot is told is logged as safe_left and safe_right.
         meshcat: Shows scene and intention there, if given.
 
     Raises:
@@ -230,6 +253,7 @@ def MakeSharedControlDiagram(
         arbiter=arbiter,
         authority=authority,
         look_ahead=look_ahead,
+        safety_clearance=safety_clearance,
         meshcat=meshcat,
     )
     diagram = builder.Build()

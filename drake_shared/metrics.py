@@ -40,6 +40,8 @@ def metrics(trial: Trial) -> dict[str, Any]:
             one step.
         path_length: In [m]; clearance, mean_clearance: least and mean distance of the body to the nearest
             obstacle, in [m].
+        safety_change, safety_share: Mean norm of safe - shared, in [rad/s], and the share of steps at which
+            they differ; only of trials with a safety filter. No part of the dissimilarity.
         smoothness: SPARC of the speed (Balasubramanian et al. 2015), negative, nearer 0 is smoother.
     """
     applied = slice(0, len(trial["t"]) - 1)
@@ -56,6 +58,10 @@ def metrics(trial: Trial) -> dict[str, Any]:
     steps = np.diff(trial.positions, axis=0)
     success = reached and not contact
     clearance = trial["clearance"]
+    filtered = {}
+    if "safe_left" in trial.columns:
+        changed = np.linalg.norm(trial.commands("safe")[applied] - shared, axis=1)
+        filtered = {"safety_change": _mean(changed), "safety_share": _mean(changed > 0.0)}
     return {
         "success": success,
         "intent_success": _intent_success(trial, success),
@@ -80,6 +86,7 @@ def metrics(trial: Trial) -> dict[str, Any]:
         "smoothness": sparc(np.hypot(*steps.T) / period, float(np.median(period)))
         if period.size
         else math.nan,
+        **filtered,
     }
 
 

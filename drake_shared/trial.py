@@ -103,7 +103,7 @@ class Trial:
         return np.stack([self["x"], self["y"]], axis=-1)
 
     def commands(self, who: str) -> np.ndarray:
-        """Shape (n, 2), wheel speeds [left, right] in [rad/s] of "human", "autonomous" or "shared"."""
+        """Shape (n, 2), wheel speeds in [rad/s]: "human", "autonomous", "shared" or (if logged) "safe"."""
         return np.stack([self[f"{who}_left"], self[f"{who}_right"]], axis=-1)
 
 
@@ -118,6 +118,7 @@ class Simulation:
         authority: What "blend" leaves to the human; as for
             :func:`drake_shared.diagram.MakeSharedControlDiagram`.
         look_ahead: Of the agent's controller, in [s].
+        safety_clearance: Kept by a safety filter, in [m]; without one if None.
         meshcat: Shows the trials, if given.
 
     Raises:
@@ -133,6 +134,7 @@ class Simulation:
         arbiter: LeafSystem | str = DEFAULT,
         authority: Authority | bool | None = None,
         look_ahead: float = 0.6,
+        safety_clearance: float | None = None,
         meshcat: Meshcat | None = None,
     ) -> None:
         # A second thread for products this small costs up to twenty times what it saves, and changes bits.
@@ -142,6 +144,7 @@ class Simulation:
         # In the metadata of every trial: made once, and never changed.
         self.scenario_as_data = dataclasses.asdict(scenario)
         self.look_ahead = look_ahead
+        self.safety_clearance = safety_clearance
         builder = DiagramBuilder()
         self.parts = AddSharedControl(
             builder,
@@ -151,6 +154,7 @@ class Simulation:
             arbiter=arbiter,
             authority=authority,
             look_ahead=look_ahead,
+            safety_clearance=safety_clearance,
             meshcat=meshcat,
         )
         self.diagram = builder.Build()
@@ -285,6 +289,8 @@ class RunningTrial:
             "confidence_gain": gain,
             "look_ahead": self.simulation.look_ahead,
         }
+        if self.simulation.safety_clearance is not None:
+            described["safety_clearance"] = self.simulation.safety_clearance
         if isinstance(operator, SurrogateOperator):
             described["behaviour"] = dataclasses.asdict(settings.behaviour)
         return described

@@ -139,6 +139,8 @@ ALONE = ("simulate", "--mode", "human")
         ((*ALONE, "--seed", "-1"), "seed must be from 0 to 4294967295, got -1"),
         ((*ALONE, "--seed", "4294967296"), "seed must be from 0 to 4294967295"),
         ((*ALONE, "--confidence-gain", "0"), "confidence-gain must be positive and finite"),
+        ((*ALONE, "--safety", "nan"), "clearance must be from 0.001 to 1 m, got nan"),
+        ((*ALONE, "--safety", "-0.1"), "clearance must be from 0.001 to 1 m, got -0.1"),
         ((*ALONE, "--noise", "-1"), "noise must be finite and not negative"),
         ((*ALONE, "--delay", "nan"), "delay must be finite and not negative"),
         (("teach", "--out", "{folder}"), "{folder} must be a file to write, not a folder"),

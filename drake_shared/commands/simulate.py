@@ -43,6 +43,8 @@ class Simulate:
     """K of eq. (1), per m^2; default: the learner's own."""
     end: Literal["reached", "duration"] = "reached"
     """End at the goal, or always at T."""
+    safety: float | None = None
+    """Clearance that a safety filter keeps to every obstacle, in m; no filter without it."""
     behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
     workers: int = 1
     """Processes; the results do not depend on it."""
@@ -59,6 +61,7 @@ class Simulate:
         from drake_shared.batch import Batch, run_batch
         from drake_shared.metrics import summarize
         from drake_shared.scenario import load_scenario
+        from drake_shared.systems.safety_filter import check_clearance
 
         scenario = load_scenario(self.scenario)
         if self.confidence_gain is not None and not 0 < self.confidence_gain < float("inf"):
@@ -66,6 +69,8 @@ class Simulate:
                 "simulate", "confidence-gain", "must be positive and finite", self.confidence_gain
             )
         behaviour, switching, recording = self._operator(scenario)
+        if self.safety is not None:
+            check_clearance(self.safety, source="simulate")
         model = self._model(scenario)
         if self.out is not None:
             check_writable(self.out)
@@ -82,6 +87,7 @@ class Simulate:
             recording=recording,
             confidence_gain=self.confidence_gain,
             end=self.end,
+            safety_clearance=self.safety,
             out=None if self.out is None else str(self.out),
         )
         rows = list(

@@ -1,0 +1,410 @@
+"""SafetyFilter: no contact from wherever braking still helps, the least change, and no robot that freezes."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from pydrake.common.value import Value
+from pydrake.geometry import QueryObject, SceneGraph
+from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_shared import barrier
+from drake_shared.barrier import StoppingPaths, least_change
+from drake_shared.errors import InputError
+from drake_shared.motion import motion, speeds_after
+from drake_shared.obstacles import Box, Circle, ObstacleDistance, register_obstacles
+from drake_shared.scenario import Robot
+from drake_shared.systems.diff_drive_plant import DiffDrivePlant
+from drake_shared.systems.recorded_input import RecordedInput
+from drake_shared.systems.safety_filter import SafetyFilter
+from drake_shared.trial import Simulation, TrialSettings
+
+ROBOT = Robot()
+FOOTPRINT = ROBOT.footprint_radius
+FASTEST = ROBOT.max_wheel_speed
+CLEARANCE = 0.05
+PERIOD = 0.05
+WALL = Box(name="wall", x=1.0, y=0.0, length=0.2, width=4.0)
+
+
+class Bench:
+    """A plant among obstacles with a filter before it, moved step by step."""
+
+    def __init__(self, obstacles, **options):
+        builder = DiagramBuilder()
+        scene_graph = builder.AddSystem(SceneGraph())
+        register_obstacles(scene_graph, list(obstacles))
+        self.plant = builder.AddSystem(DiffDrivePlant(robot=ROBOT, period=PERIOD))
+        self.dut = builder.AddSystem(SafetyFilter(robot=ROBOT, period=PERIOD, **options))
+        query = scene_graph.get_query_output_port()
+        builder.Connect(query, self.plant.GetInputPort("geometry_query"))
+        builder.Connect(query, self.dut.GetInputPort("geometry_query"))
+        for name in ("pose", "wheel_speed"):
+            builder.Connect(self.plant.GetOutputPort(name), self.dut.GetInputPort(name))
+        self.diagram = builder.Build()
+        self.root = self.diagram.CreateDefaultContext()
+        self.context = self.dut.GetMyMutableContextFromRoot(self.root)
+        self._plant_context = self.plant.GetMyMutableContextFromRoot(self.root)
+
+    def at(self, x, y, yaw, wheels=(0.0, 0.0)) -> "Bench":
+        self.plant.set_pose(self._plant_context, [x, y, yaw])
+        self._plant_context.SetDiscreteState(1, np.array(wheels, dtype=float))
+        return self
+
+    def ask(self, command) -> np.ndarray:
+        self.dut.GetInputPort("wheel_command").FixValue(self.context, command)
+        return self.dut.GetOutputPort("safe_command").Eval(self.context).copy()
+
+    def step(self, command, *, filtered: bool = True) -> "Bench":
+        told = self.ask(command) if filtered else command
+        self.plant.GetInputPort("wheel_command").FixValue(self._plant_context, told)
+        update = self.plant.EvalUniquePeriodicDiscreteUpdate(self._plant_context)
+        self._plant_context.get_mutable_discrete_state().SetFrom(update)
+        return self
+
+    @property
+    def pose(self) -> np.ndarray:
+        return self.plant.GetOutputPort("pose").Eval(self._plant_context).copy()
+
+    @property
+    def wheels(self) -> np.ndarray:
+        return self.plant.GetOutputPort("wheel_speed").Eval(self._plant_context).copy()
+
+    @property
+    def clearance(self) -> float:
+        return self.plant.GetOutputPort("clearance").Eval(self._plant_context).item()
+
+    @property
+    def contact(self) -> bool:
+        return bool(self.plant.GetOutputPort("contact").Eval(self._plant_context)[0])
+
+    def drive(self, commands, *, filtered: bool = True) -> bool:
+        """Whether the robot touches an obstacle under ``commands``."""
+        return any(self.step(command, filtered=filtered).contact for command in commands)
+
+
+def some_obstacles(rng, count: int) -> list:
+    x, y = rng.uniform(-2.0, 2.0, (2, count))
+    radius, length, width = rng.uniform([[0.05], [0.1], [0.1]], [[0.4], [1.2], [0.5]], (3, count))
+    yaw = rng.uniform(-math.pi, math.pi, count)
+    return [
+        Circle(name=f"{k}", x=x[k], y=y[k], radius=radius[k])
+        if k % 2
+        else Box(name=f"{k}", x=x[k], y=y[k], length=length[k], width=width[k], yaw=yaw[k])
+        for k in range(count)
+    ]
+
+
+@dataclasses.dataclass
+class Tally:
+    """What became of random cases, filtered and not."""
+
+    cases: int = 0
+    left_out: int = 0
+    collided_unfiltered: int = 0
+    collided: int = 0
+    came_too_near: int = 0
+
+
+def tally(count: int, *, seed: int, per_world: int = 50, steps: int = 60) -> Tally:
+    """Drives ``count`` random starts among random obstacles for 3 s each, half of them at full speed.
+
+    Left out are those from which even full braking collides. Called with 10,000 it gives the figures to
+    quote.
+    """
+    rng = np.random.default_rng(seed)
+    done = Tally()
+    while done.cases < count:
+        bench = Bench(some_obstacles(rng, rng.integers(6, 13)), clearance=CLEARANCE)
+        for _ in range(min(per_world, count - done.cases)):
+            while bench.at(*rng.uniform(-1.5, 1.5, 2), rng.uniform(-math.pi, math.pi)).clearance < 1e-3:
+                pass
+            pose = bench.pose
+            wheels = rng.uniform(-FASTEST, FASTEST, 2) if rng.random() < 0.5 else np.repeat(FASTEST, 2)
+            commands = np.repeat(rng.uniform(-FASTEST, FASTEST, (steps // 20, 2)), 20, axis=0)
+            if rng.random() < 0.5:
+                commands[:] = FASTEST
+            done.cases += 1
+            least = bench.at(*pose, wheels).clearance
+            for _ in range(18):
+                least = min(least, bench.step((0.0, 0.0), filtered=False).clearance)
+            if least < 1e-5:
+                done.left_out += 1
+                continue
+            done.collided_unfiltered += bench.at(*pose, wheels).drive(commands, filtered=False)
+            bench.at(*pose, wheels)
+            for command in commands:
+                if bench.step(command).contact:
+                    done.collided += 1
+                    break
+                # On the way to rest from a bad start the robot may come as near as braking brings it.
+                done.came_too_near += bench.clearance < CLEARANCE - 2e-6 and least > CLEARANCE
+    return done
+
+
+def random_states(count: int, *, seed: int):
+    """Benches in states, with commands, where braking keeps the clearance and little more."""
+    rng = np.random.default_rng(seed)
+    for _ in range(count // 25):
+        obstacles = some_obstacles(rng, 12)
+        bench, distance = Bench(obstacles, clearance=CLEARANCE), ObstacleDistance(obstacles)
+        found = 0
+        while found < 25:
+            bench.at(*rng.uniform(-2.5, 2.5, 2), rng.uniform(-math.pi, math.pi), rng.uniform(4, FASTEST, 2))
+            if not CLEARANCE < bench.clearance < CLEARANCE + 0.5:
+                continue
+            if not CLEARANCE < least_gap(bench, (0.0, 0.0), distance, steps=2) < CLEARANCE + 0.1:
+                continue
+            if CLEARANCE < least_gap(bench, (0.0, 0.0), distance) < CLEARANCE + 0.05:
+                found += 1
+                yield bench, distance, rng.uniform(0.0, FASTEST, 2)
+
+
+def least_gap(bench: Bench, command, distance: ObstacleDistance, *, steps: int = 60) -> float:
+    """The least gap in one step of ``command`` and full braking after it, by the plant's own motion."""
+    pose, wheels = tuple(bench.pose.tolist()), tuple(bench.wheels.tolist())
+    change = ROBOT.max_wheel_acceleration * PERIOD
+    reached = tuple(np.clip(command, np.subtract(wheels, change), np.add(wheels, change)).tolist())
+    way = [pose]
+    for told, duration, count in ((reached, PERIOD / 5, 5), ((0.0, 0.0), 0.9 / steps, steps)):
+        for _ in range(count):
+            way += motion(ROBOT, way[-1], wheels, told, duration)
+            wheels = speeds_after(ROBOT, wheels, told, duration)
+    return float(distance(np.array(way)[:, :2]).min()) - FOOTPRINT
+
+
+def test_nobody_collides_who_can_still_brake_where_a_third_would():
+    done = tally(300, seed=1)
+    assert done.collided == 0
+    assert done.came_too_near == 0
+    assert done.left_out < 0.3 * done.cases
+    assert done.collided_unfiltered >= 0.3 * (done.cases - done.left_out)
+
+
+def test_changes_a_command_only_where_braking_after_it_would_come_too_near():
+    changed = 0
+    for bench, distance, command in random_states(400, seed=2):
+        gap = least_gap(bench, command, distance)
+        if np.array_equal(bench.ask(command), command):
+            assert gap > CLEARANCE - 2e-6
+        else:
+            changed += 1
+            # Between the points of a path the gap is only bounded from below.
+            assert gap < CLEARANCE + 2e-3
+    assert changed > 20
+
+
+def test_what_it_changes_to_is_safe_and_within_reach():
+    for bench, distance, command in random_states(100, seed=3):
+        safe = bench.ask(command)
+        if not np.array_equal(safe, command):
+            assert np.abs(safe - bench.wheels).max() <= ROBOT.max_wheel_acceleration * PERIOD + 1e-9
+            assert least_gap(bench, safe, distance) > CLEARANCE - 2e-6
+
+
+def test_the_quadratic_programs_agree_with_drakes_solver(monkeypatch):
+    solved = []
+
+    def spy(*program):
+        solved.append((program, least_change(*program)))
+        return solved[-1][1]
+
+    monkeypatch.setattr(barrier, "least_change", spy)
+    for bench, _, command in random_states(200, seed=4):
+        bench.ask(command)
+    assert len(solved) > 20
+    assert max(len(bounds) for (*_, bounds), _ in solved) >= 4
+    for (wish, low, high, normals, bounds), ours in solved:
+        reference = reference_program(wish, low, high, normals, bounds)
+        np.testing.assert_allclose(ours, reference, atol=1e-6)
+
+
+def reference_program(wish, low, high, normals, bounds) -> np.ndarray | None:
+    """The same quadratic program by Drake and Clarabel."""
+    program = MathematicalProgram()
+    c = program.NewContinuousVariables(2)
+    program.AddQuadraticErrorCost(np.eye(2), np.array(wish), c)
+    program.AddBoundingBoxConstraint(np.array(low), np.array(high), c)
+    program.AddLinearConstraint(np.array(normals), np.array(bounds), np.full(len(bounds), np.inf), c)
+    options = SolverOptions()
+    for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
+        options.SetOption(ClarabelSolver.id(), name, 1e-13)
+    result = ClarabelSolver().Solve(program, None, options)
+    return result.GetSolution(c) if result.is_success() else None
+
+
+def test_random_quadratic_programs_agree_with_drakes_solver():
+    rng = np.random.default_rng(5)
+    infeasible = 0
+    for _ in range(300):
+        low = rng.uniform(-12, 11, 2)
+        high = low + rng.uniform(0.1, 2.0, 2)
+        normals = rng.normal(size=(12, 2))
+        bounds = (normals * rng.uniform(low, high, (12, 2))).sum(axis=1) - rng.exponential(1.0, 12)
+        program = rng.uniform(-12, 12, 2).tolist(), low, high, normals.tolist(), bounds.tolist()
+        reference, ours = reference_program(*program), least_change(*program)
+        infeasible += reference is None
+        assert (reference is None) == (ours is None)
+        if reference is not None:
+            np.testing.assert_allclose(ours, reference, atol=1e-6)
+    assert 0 < infeasible < 150
+
+
+def test_paths_end_where_the_plant_comes_to_rest():
+    rng = np.random.default_rng(6)
+    for _ in range(50):
+        pose, wheels = (
+            tuple(rng.uniform(-2, 2, 3).tolist()),
+            tuple(rng.uniform(-FASTEST, FASTEST, 2).tolist()),
+        )
+        command = tuple((np.array(wheels) + rng.uniform(-0.76, 0.76, 2)).tolist())
+        (points,) = StoppingPaths(ROBOT, pose, wheels, [command], PERIOD).points
+        *_, after_step = motion(ROBOT, pose, wheels, command, PERIOD)
+        *_, rest = motion(ROBOT, after_step, command, (0.0, 0.0), 1.0)
+        assert abs(points[3] - complex(*after_step[:2])) < 1e-6
+        assert abs(points[-1] - complex(*rest[:2])) < 2e-6
+
+
+def test_stops_straight_before_a_wall_at_the_clearance_and_stays():
+    bench = Bench([WALL], clearance=0.08).at(-2.0, 0.0, 0.0)
+    assert not bench.drive(np.full((120, 2), FASTEST))
+    assert bench.clearance == pytest.approx(0.08, abs=1e-3)
+    assert bench.clearance >= 0.08 - 2e-6
+    assert np.abs(bench.wheels).max() < 1e-2
+    assert bench.pose[2] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("gap", [1e-4, 0.02, CLEARANCE])
+@pytest.mark.parametrize("back", [(-FASTEST, -FASTEST), (-6.0, -3.0), (-1.0, -2.0)])
+def test_a_robot_near_a_wall_backs_away_as_told(gap, back):
+    bench = Bench([WALL], clearance=CLEARANCE).at(0.9 - FOOTPRINT - gap, 0.0, 0.0)
+    for _ in range(10):
+        np.testing.assert_array_equal(bench.ask(back), back)
+        bench.step(back)
+    assert bench.clearance > gap + 0.02
+
+
+@pytest.mark.parametrize("gap", [1e-4, 0.02, CLEARANCE])
+def test_a_robot_near_a_wall_turns_on_the_spot_as_told(gap):
+    bench = Bench([WALL], clearance=CLEARANCE).at(0.9 - FOOTPRINT - gap, 0.0, 0.0)
+    for _ in range(20):
+        np.testing.assert_array_equal(bench.ask((-4.0, 4.0)), (-4.0, 4.0))
+        bench.step((-4.0, 4.0))
+    assert bench.pose[2] > 1.0
+
+
+def test_a_robot_inside_the_clearance_is_not_pushed_further_in():
+    bench = Bench([WALL], clearance=CLEARANCE).at(0.9 - FOOTPRINT - 0.02, 0.0, 0.0)
+    gap = bench.clearance
+    for _ in range(40):
+        assert bench.step((FASTEST, 0.8 * FASTEST)).clearance >= gap - 1e-5
+
+
+def test_before_a_wall_the_turn_is_kept_and_leads_along_it():
+    bench = Bench([WALL], clearance=CLEARANCE).at(0.9 - FOOTPRINT - CLEARANCE, 0.0, 0.0)
+    assert not bench.drive(np.tile([4.0, 8.0], (10, 1)))
+    assert bench.pose[2] > 0.2
+
+
+def test_passes_by_beside_an_obstacle_unchanged():
+    pillar = Circle(name="pillar", x=1.0, y=0.25 + FOOTPRINT + CLEARANCE + 0.01, radius=0.25)
+    bench = Bench([pillar], clearance=CLEARANCE).at(-0.5, 0.0, 0.0)
+    for _ in range(50):
+        np.testing.assert_array_equal(bench.ask((FASTEST, FASTEST)), (FASTEST, FASTEST))
+        bench.step((FASTEST, FASTEST))
+    assert bench.pose[0] > 1.5
+
+
+def test_without_obstacles_nothing_changes_bit_for_bit():
+    bench = Bench([], clearance=CLEARANCE)
+    np.testing.assert_array_equal(bench.ask((100.0, -3.3)), (100.0, -3.3))
+
+
+@pytest.mark.parametrize("nothing", [math.nan, math.inf, -math.inf])
+def test_a_command_that_is_no_number_counts_as_zero(nothing):
+    for obstacles in ([], [WALL]):
+        np.testing.assert_array_equal(Bench(obstacles).at(0.5, 0, 0).ask((nothing, 0.5)), (0.0, 0.5))
+
+
+def test_intervention_is_what_it_changed():
+    bench = Bench([WALL], clearance=CLEARANCE).at(0.9 - FOOTPRINT - CLEARANCE, 0.0, 0.0)
+    safe = bench.ask((5.0, 5.0))
+    np.testing.assert_allclose(safe, [0.0, 0.0], atol=1e-2)
+    intervention = bench.dut.GetOutputPort("intervention")
+    np.testing.assert_array_equal(intervention.Eval(bench.context), safe - (5.0, 5.0))
+    bench.ask((-5.0, -5.0))
+    np.testing.assert_array_equal(intervention.Eval(bench.context), [0.0, 0.0])
+
+
+def test_is_switched_off_in_a_context_and_belongs_to_it():
+    bench = Bench([WALL]).at(0.9 - FOOTPRINT - CLEARANCE, 0.0, 0.0)
+    assert bench.ask((5.0, 5.0))[0] < 0.1
+    bench.dut.set_clearance(bench.context, None)
+    np.testing.assert_array_equal(bench.ask((5.0, 5.0)), (5.0, 5.0))
+    bench.dut.set_clearance(bench.context, 0.01)
+    assert bench.ask((5.0, 5.0))[0] > 0.1
+    assert bench.diagram.CreateDefaultContext() is not bench.root
+
+
+@pytest.mark.parametrize("clearance", [0.0, -0.1, 1.5, math.nan, math.inf])
+def test_refuses_a_clearance_out_of_range(clearance):
+    with pytest.raises(InputError, match=r"safety filter: clearance must be from 0.001 to 1 m, got"):
+        SafetyFilter(robot=ROBOT, clearance=clearance)
+    dut = SafetyFilter(robot=ROBOT)
+    with pytest.raises(InputError, match="clearance"):
+        dut.set_clearance(dut.CreateDefaultContext(), clearance)
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, math.nan])
+def test_refuses_a_period_that_is_none(period):
+    with pytest.raises(ValueError, match="period must be positive and finite"):
+        SafetyFilter(robot=ROBOT, period=period)
+
+
+def test_has_no_state():
+    dut = SafetyFilter(robot=ROBOT)
+    assert dut.CreateDefaultContext().num_total_states() == 0
+    dut.GetInputPort("geometry_query").FixValue(dut.CreateDefaultContext(), Value(QueryObject()))
+
+
+def straight_on(scenario, **options):
+    operator = RecordedInput(commands=np.full((300, 2), FASTEST))
+    simulation = Simulation(scenario, operator=operator, **options)
+    return simulation.run(TrialSettings(mode="human", end="duration"))
+
+
+def test_in_the_loop_the_change_is_logged_apart_from_the_blend(scenario):
+    from drake_shared.metrics import metrics
+
+    trial = straight_on(scenario, safety_clearance=0.1)
+    assert list(trial.columns)[-2:] == ["safe_left", "safe_right"]
+    assert trial.metadata["safety_clearance"] == 0.1
+    np.testing.assert_array_equal(trial.commands("shared"), trial.commands("human"))
+    measured = metrics(trial)
+    assert not measured["collision"]
+    assert measured["clearance"] >= 0.1 - 2e-6
+    assert measured["dissimilarity"] == 0.0
+    changed = np.linalg.norm(trial.commands("safe") - trial.commands("shared"), axis=1)[:-1]
+    assert measured["safety_change"] == pytest.approx(changed.mean())
+    assert measured["safety_share"] == pytest.approx(np.mean(changed > 0))
+    assert 0.1 < measured["safety_share"] < 1.0
+
+
+def test_without_it_the_loop_is_what_it_was(scenario):
+    from drake_shared.metrics import metrics
+
+    trial = straight_on(scenario)
+    assert trial["contact"].any()
+    assert "safe_left" not in trial.columns
+    assert "safety_clearance" not in trial.metadata
+    assert "safety_change" not in metrics(trial)
+
+
+def test_a_safe_trial_is_changed_in_no_bit(scenario):
+    settings = TrialSettings(mode="human", route="left_right", seed=5)
+    free = Simulation(scenario).run(settings)
+    kept = Simulation(scenario, safety_clearance=0.01).run(settings)
+    for name, values in free.columns.items():
+        np.testing.assert_array_equal(kept[name], values, err_msg=name)
