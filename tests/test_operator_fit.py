@@ -50,7 +50,7 @@ def plain(simulation) -> list[Trial]:
         ("human", {"skill": 0.6, "delay": 0.1}),
         ("human", {"skill": 0.6, "delay": 0.137, "noise": 0.3}),
         ("shared", {"delay": 0.3}),
-        ("shared", {"skill": 0.6, "noise": 0.3, "delay": 0.1, "yielding": 0.5}),
+        ("shared", {"skill": 0.6, "delay": 0.1, "yielding": 0.5}),
     ],
 )
 def test_a_known_operator_is_found_again_from_ten_trials(simulation, mode, behaviour):

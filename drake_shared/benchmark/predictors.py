@@ -82,11 +82,11 @@ class BareProducts:
         rows = np.zeros((1, model.encoder[0][0].shape[0]), np.float32)
         self._products: list[tuple[Floats, Floats, Floats]] = []
         for weights, _ in self._inner:
-            self._products.append((rows, weights, np.empty((1, weights.shape[1]), np.float32)))
+            self._products.append((rows, weights, np.zeros((1, weights.shape[1]), np.float32)))
             rows = self._products[-1][2]
-        rows = self._after_first = np.empty_like(self._hidden)
+        rows = self._after_first = np.zeros_like(self._hidden)
         for weights, _ in self._outer:
-            self._products.append((rows, weights, np.empty((len(rows), weights.shape[1]), np.float32)))
+            self._products.append((rows, weights, np.zeros((len(rows), weights.shape[1]), np.float32)))
             rows = self._products[-1][2]
 
     def multiply(self) -> None:
@@ -124,7 +124,7 @@ class PlainProducts:
         for layers, count in ((model.encoder, 1), (model.decoder, queries)):
             for weights, _ in layers:
                 rows = np.ones((count, weights.shape[0]), np.float32)
-                self._products.append((rows, weights, np.empty((count, weights.shape[1]), np.float32)))
+                self._products.append((rows, weights, np.zeros((count, weights.shape[1]), np.float32)))
 
     def multiply(self) -> None:
         """The products alone."""
