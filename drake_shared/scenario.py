@@ -21,6 +21,8 @@ from drake_shared.paths import passing_side
 # yaml_load_typed builds every object from its defaults: what must be given starts as a number that the
 # check for finite numbers refuses.
 MUST_BE_GIVEN = math.nan
+# A trial of more control steps is a slip of the pen, and would fill the memory with its log.
+MOST_STEPS = 1_000_000
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -319,6 +321,12 @@ def _check_sizes(scenario: Scenario, source) -> None:
     steps = scenario.duration / scenario.control_period
     if steps < 0.5 or abs(steps - round(steps)) > 1e-6:
         raise InputError(source, "duration", "must be a whole number of control periods", scenario.duration)
+    if steps > MOST_STEPS:
+        raise InputError(
+            source, "control_period", f"must leave at most {MOST_STEPS} steps", scenario.control_period
+        )
+    if scenario.travel_time > scenario.duration:
+        raise InputError(source, "travel_time", "must be at most the duration", scenario.travel_time)
     if not robot.model_path().is_file():
         raise InputError(
             source, "robot.model", "must be an SDF file or one of models/robots", repr(robot.model)
