@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import logging
 import sys
 from collections.abc import Sequence
@@ -37,20 +39,47 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command. Exit status: 0 done, 1 the run failed, 2 bad usage or bad input."""
     logging.getLogger("drake").setLevel(logging.WARNING)
     try:
-        command = tyro.cli(
-            Command,
-            prog="drake-shared",
-            description="Shared control for Drake: a person steers, a learner predicts where to.",
-            args=arguments,
-            config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
-        )
-        command.run()
+        _parse(arguments).run()
     except DrakeSharedError as error:
         print(f"drake-shared: {error}", file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
     except KeyboardInterrupt:
         return 130
     return 0
+
+
+def _parse(arguments: Sequence[str] | None) -> Command:
+    """The command that ``arguments`` ask for.
+
+    Raises:
+        InputError: They are not what a command takes.
+    """
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said):
+            return tyro.cli(
+                Command,  # type: ignore[arg-type]
+                prog="drake-shared",
+                description="Shared control for Drake: a person steers, a learner predicts where to.",
+                args=arguments,
+                config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+            )
+    except SystemExit as stopped:
+        if stopped.code in (None, 0):
+            raise
+        raise InputError("usage", _one_line(said.getvalue()), "(see --help)") from None
+
+
+def _one_line(box: str) -> str:
+    """What the parser says in a box of several parts: the parts up to the help, in one line."""
+    lines = [line.strip(" │╭╮╰╯") for line in box.splitlines()[1:]]
+    told: list[str] = []
+    for line in lines:
+        if line.startswith(("For full helptext", "Argument helptext")):
+            break
+        if line.strip("─"):
+            told.append(line)
+    return " ".join(told)
 
 
 if __name__ == "__main__":

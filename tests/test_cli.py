@@ -54,6 +54,25 @@ def log(human_trial, tmp_path_factory) -> Path:
     return path
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("simulate", "--nonsense", "3"), "Unrecognized options: --nonsense"),
+        (("simulate", "--trials", "many"), "--trials"),
+        (("frobnicate",), "frobnicate"),
+        (("train", "--out", "x"), "--demos"),
+        (("simulate", "--mode", "x"), "'shared', 'human', 'agent'"),
+        ((), "drive, teach, train"),
+    ],
+)
+def test_usage_that_is_wrong_is_told_in_one_line(cli, arguments, said):
+    status, out, err = cli(*arguments)
+    assert (status, out) == (2, "")
+    assert err.startswith("drake-shared: usage: ")
+    assert err.count("\n") == 1
+    assert said in err
+
+
 def test_simulate_as_a_process_prints_one_json_object_and_nothing_else_on_standard_output(tmp_path):
     done = process(
         *("simulate", "--mode", "human", "--trials", "2", "--seed", "3", "--json", "--out", str(tmp_path))
