@@ -58,7 +58,7 @@ def _parse(arguments: Sequence[str] | None) -> Command:
     try:
         with contextlib.redirect_stderr(said):
             return tyro.cli(
-                Command,  # type: ignore[arg-type]
+                Command,
                 prog="drake-shared",
                 description="Shared control for Drake: a person steers, a learner predicts where to.",
                 args=arguments,
