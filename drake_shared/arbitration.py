@@ -16,13 +16,13 @@ import functools
 import inspect
 import json
 from collections.abc import Callable, Container
-from importlib.metadata import entry_points
 from typing import Any
 
 from pydrake.systems.framework import LeafSystem, PortDataType
 
 from drake_shared.authority import Authority, authority_for
 from drake_shared.errors import InputError
+from drake_shared.registered import load_registered, registered_names
 from drake_shared.scenario import Scenario
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.fixed_blender import FixedBlender
@@ -43,7 +43,7 @@ _OUTPUTS = {"shared_command": 2, "human_weight": 1}
 
 def arbiter_names() -> list[str]:
     """Names of all arbiters that are registered."""
-    return sorted({*_OURS, *(point.name for point in entry_points(group=GROUP))})
+    return sorted({*_OURS, *registered_names(GROUP)})
 
 
 def make_arbiter(
@@ -126,16 +126,10 @@ def describe_arbiter(arbiter: LeafSystem, name: str | None = None) -> dict[str, 
 def _find(name: str) -> Callable[..., LeafSystem]:
     if name in _OURS:
         return _OURS[name]
-    for point in entry_points(group=GROUP):
-        if point.name == name:
-            try:
-                return point.load()
-            except Exception as error:  # What others register may fail in any way.
-                why = f"{type(error).__name__}: {error}"
-                raise InputError(
-                    "arbitration", "", f"{name!r} ({point.value}) cannot be imported ({why})"
-                ) from error
-    raise InputError("arbitration", "", f"must be one of {', '.join(arbiter_names())}", repr(name))
+    found = load_registered(GROUP, name, source="arbitration")
+    if found is None:
+        raise InputError("arbitration", "", f"must be one of {', '.join(arbiter_names())}", repr(name))
+    return found
 
 
 def _parameters(make: Callable[..., LeafSystem]) -> Container[str]:

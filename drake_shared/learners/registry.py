@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import importlib
 import os
-from importlib.metadata import entry_points
 from typing import Any
 
 from drake_shared.errors import InputError
+from drake_shared.registered import load_registered, registered_names
 
 GROUP = "drake_shared.learners"
 _OURS = {
@@ -31,7 +31,7 @@ _OURS = {
 
 def learner_names() -> list[str]:
     """Names of all learners that are registered."""
-    return sorted({*_OURS, *(point.name for point in entry_points(group=GROUP))})
+    return sorted({*_OURS, *registered_names(GROUP)})
 
 
 def find_learner(name: str, *, source: str | os.PathLike[str] = "learner") -> Any:
@@ -47,13 +47,7 @@ def find_learner(name: str, *, source: str | os.PathLike[str] = "learner") -> An
     if name in _OURS:
         module, _, kind = _OURS[name].partition(":")
         return getattr(importlib.import_module(module), kind)
-    for point in entry_points(group=GROUP):
-        if point.name == name:
-            try:
-                return point.load()
-            except Exception as error:  # What others register may fail in any way.
-                why = f"{type(error).__name__}: {error}"
-                raise InputError(
-                    source, "learner", f"{name!r} ({point.value}) cannot be imported ({why})"
-                ) from error
-    raise InputError(source, "learner", f"must be one of {', '.join(learner_names())}", repr(name))
+    found = load_registered(GROUP, name, source=source, field="learner")
+    if found is None:
+        raise InputError(source, "learner", f"must be one of {', '.join(learner_names())}", repr(name))
+    return found
