@@ -42,18 +42,19 @@ share = st.floats(0.0, 1.0)
 @quick
 @given(human=wheels, agent=wheels, weight=share)
 def test_the_blend_is_a_convex_combination(human, agent, weight):
-    shared = blend(weight, np.array(human), np.array(agent))
+    shared = blend(weight, human, agent)
     for one, other, both in zip(human, agent, shared, strict=True):
         rounding = 1e-12 * (1.0 + abs(one) + abs(other))
         assert min(one, other) - rounding <= both <= max(one, other) + rounding
     # On the line between both, at the share that the weight says.
-    np.testing.assert_allclose(shared - agent, weight * (np.array(human) - agent), atol=1e-12 * FASTEST)
+    offset = np.subtract(shared, agent)
+    np.testing.assert_allclose(offset, weight * np.subtract(human, agent), atol=1e-12 * FASTEST)
 
 
 @quick
 @given(command=wheels, weight=share)
 def test_what_both_agree_on_is_done(command, weight):
-    shared = blend(weight, np.array(command), np.array(command))
+    shared = blend(weight, command, command)
     np.testing.assert_allclose(shared, command, rtol=1e-15, atol=1e-15)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -136,39 +137,39 @@ class ConfidenceBlender(LeafSystem):
         weight = 1.0 if mode == "human" else 0.0
         if mode == "shared":
             weight = 1.0 - min(max(self._confidence_port.Eval(context).item(), 0.0), 1.0)
-        output[0] = finite_weight(weight, self._autonomous_port.Eval(context))
+        output[0] = finite_weight(weight, self._autonomous_port.Eval(context).tolist())
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         weight = self._weight_port.Eval(context).item()
-        autonomous = self._autonomous_port.Eval(context)
-        output.set_value(blend(weight, self._human_port.Eval(context), autonomous))
+        human = self._human_port.Eval(context).tolist()
+        output.set_value(blend(weight, human, self._autonomous_port.Eval(context).tolist()))
 
     def _calc_held(self, context: Context, output: Value) -> None:
         """What is applied now, and with it what the next step goes on from."""
         before = _Held(*context.get_discrete_state(self._before_index).value().tolist())
-        human, autonomous = self._human_port.Eval(context), self._autonomous_port.Eval(context)
+        human = self._human_port.Eval(context).tolist()
+        autonomous = self._autonomous_port.Eval(context).tolist()
         mode = context.get_abstract_parameter(self._mode_index).get_value()
         held = self._watched(before, human, autonomous, self._idle(context))
         if mode == "shared":
             weight = self._weighed(before, held, self._confidence_port.Eval(context).item())
         else:
             weight = 1.0 if mode == "human" else 0.0
-        weight = finite_weight(weight, autonomous)
-        command = blend(weight, human, autonomous)
-        if mode == "shared":
-            command = self._caught_up(before, command)
-        left, right = command.tolist()
-        output.set_value(dataclasses.replace(held, weight=weight, left=left, right=right))
+        held.weight = finite_weight(weight, autonomous)
+        command = blend(held.weight, human, autonomous)
+        held.left, held.right = self._caught_up(before, command) if mode == "shared" else command
+        output.set_value(held)
 
     def _idle(self, context: Context) -> float | None:
         return self._idle_port.Eval(context).item() if self._idle_port.HasValue(context) else None
 
-    def _watched(self, before: _Held, human: np.ndarray, agent: np.ndarray, idle: float | None) -> _Held:
+    def _watched(
+        self, before: _Held, human: Sequence[float], agent: Sequence[float], idle: float | None
+    ) -> _Held:
         """How long what has lasted, by now."""
         authority, period = self._authority, self._period
         assert authority is not None
-        h, a = human.tolist(), agent.tolist()
-        angle = self._angle(h, a)
+        angle = self._angle(human, agent)
         apart = before.apart + period if angle > authority.conflict_angle else 0.0
         # What points nowhere neither agrees nor contradicts.
         agreed = before.agreed + period if angle < authority.agreement_angle else 0.0
@@ -178,11 +179,12 @@ class ConfidenceBlender(LeafSystem):
                 released = float(agreed < authority.agreement_time - 1e-9)
             else:
                 released = float(apart >= authority.conflict_time - 1e-9)
-        gives = math.isfinite(h[0] + h[1]) and max(abs(h[0]), abs(h[1])) > _NOTHING
+        left, right = human
+        gives = math.isfinite(left + right) and max(abs(left), abs(right)) > _NOTHING
         still = 0.0 if gives else (before.still + period if idle is None else idle)
         return _Held(apart=apart, agreed=agreed, released=released, still=still)
 
-    def _angle(self, human: list[float], agent: list[float]) -> float:
+    def _angle(self, human: Sequence[float], agent: Sequence[float]) -> float:
         """Between both commands as twists, in [rad]; NaN if one of them points nowhere."""
         speed, yaw_rate = self._robot.twist(*human)
         other_speed, other_yaw_rate = self._robot.twist(*agent)
@@ -207,16 +209,18 @@ class ConfidenceBlender(LeafSystem):
         most = rate * self._period
         return min(max(weight, before.weight - most), before.weight + most)
 
-    def _caught_up(self, before: _Held, command: np.ndarray) -> np.ndarray:
-        """As far from the command before towards ``command`` (2,) as the rate allows."""
+    def _caught_up(self, before: _Held, command: Sequence[float]) -> tuple[float, float]:
+        """As far from the command before towards ``command``, [left, right], as the rate allows."""
         assert self._authority is not None
+        left, right = command
         if self._authority.command_rate is None:
-            return command
-        last = np.array([before.left, before.right])
-        way = command - last
-        furthest = float(np.abs(way).max())
+            return left, right
+        furthest = max(abs(left - before.left), abs(right - before.right))
         most = self._authority.command_rate * self._period
-        return command if furthest <= most else last + most / furthest * way
+        if furthest <= most:
+            return left, right
+        share = most / furthest
+        return before.left + share * (left - before.left), before.right + share * (right - before.right)
 
     def _calc_held_weight(self, context: Context, output: BasicVector) -> None:
         output[0] = self._held.Eval(context).weight
@@ -229,7 +233,7 @@ class ConfidenceBlender(LeafSystem):
         state.set_value(self._before_index, self._held.Eval(context).to_list())
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
+@dataclasses.dataclass(slots=True)
 class _Held:
     """What one step hands to the next; see the State of :class:`ConfidenceBlender`."""
 
@@ -248,17 +252,20 @@ class _Held:
         ]
 
 
-def finite_weight(weight: float, autonomous: np.ndarray) -> float:
-    """The human's weight, 1 where it or the agent's command (2,) is no finite number."""
-    left, right = autonomous.tolist()
+def finite_weight(weight: float, autonomous: Sequence[float]) -> float:
+    """The human's weight, 1 where it or the agent's command, [left, right], is no finite number."""
+    left, right = autonomous
     # A sum with what is no finite number is none either.
     return weight if math.isfinite(weight + left + right) else 1.0
 
 
-def blend(weight: float, human: np.ndarray, autonomous: np.ndarray) -> np.ndarray:
-    """w human + (1 - w) autonomous (2,); a human command that is no number is zero."""
-    if not all(map(math.isfinite, human.tolist())):
-        human = np.zeros(2)
+def blend(weight: float, human: Sequence[float], autonomous: Sequence[float]) -> tuple[float, float]:
+    """w human + (1 - w) autonomous, [left, right]; a human command that is no number is zero."""
+    left, right = human
+    if not math.isfinite(left + right):
+        left = right = 0.0
     if weight < 1.0:
-        human = weight * human + (1.0 - weight) * autonomous
-    return human
+        other_left, other_right = autonomous
+        left = weight * left + (1.0 - weight) * other_left
+        right = weight * right + (1.0 - weight) * other_right
+    return left, right

@@ -59,9 +59,9 @@ class FixedBlender(LeafSystem):
         return {1.0: "human", 0.0: "agent"}.get(self._weight)
 
     def _calc_weight(self, context: Context, output: BasicVector) -> None:
-        output[0] = finite_weight(self._weight, self._autonomous_port.Eval(context))
+        output[0] = finite_weight(self._weight, self._autonomous_port.Eval(context).tolist())
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         weight = self._weight_port.Eval(context).item()
-        autonomous = self._autonomous_port.Eval(context)
-        output.set_value(blend(weight, self._human_port.Eval(context), autonomous))
+        autonomous = self._autonomous_port.Eval(context).tolist()
+        output.set_value(blend(weight, self._human_port.Eval(context).tolist(), autonomous))

@@ -78,12 +78,12 @@ class TradedControl(LeafSystem):
         bound = self._threshold + (-self._margin if agent else self._margin)
         # Someone who is sure enough at the bound itself takes over, and gives back, there.
         sure = confidence > bound if agent else confidence >= bound
-        output[0] = finite_weight(0.0 if sure else 1.0, self._autonomous_port.Eval(context))
+        output[0] = finite_weight(0.0 if sure else 1.0, self._autonomous_port.Eval(context).tolist())
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         weight = self._weight_port.Eval(context).item()
-        autonomous = self._autonomous_port.Eval(context)
-        output.set_value(blend(weight, self._human_port.Eval(context), autonomous))
+        autonomous = self._autonomous_port.Eval(context).tolist()
+        output.set_value(blend(weight, self._human_port.Eval(context).tolist(), autonomous))
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         state.set_value(self._agent_index, np.array([1.0 - self._weight_port.Eval(context).item()]))
