@@ -33,7 +33,7 @@ ROUTES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 """Of a scenario's routes, in their order."""
 WIDTH = 8.0
 """Of a figure, in inches."""
-_BAND_STEP = 0.05
+_BAND_STEP = 0.1
 """Between the points of a band's edge, in [m] along the path."""
 
 

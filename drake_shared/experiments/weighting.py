@@ -195,8 +195,8 @@ def _ignoring(rows: list[dict[str, Any]]) -> str:
         counts.append(f"{sum(learners.values())} of {len(learners)} with preset {preset}")
     return (
         f"Learners that expect the same whatever they are shown: {' and '.join(counts)}. Such a learner "
-        "meets no condition but by chance; preset paper takes Alg. 1 by the letter, one point of one drive in each "
-        "step, while preset default finds such learners and begins them anew."
+        "meets no condition but by chance; preset paper takes Alg. 1 by the letter, one point of one drive "
+        "in each step, while preset default finds such learners and begins them anew."
     )
 
 
