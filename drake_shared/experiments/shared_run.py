@@ -34,7 +34,7 @@ _DRIVES, _TRIALS, _LEARNER_STEP = 1_000_000, 1_100_000, 100
 is itself trained from seed k."""
 _PRESETS = ("paper", "default")
 _TOGETHER = {"paper": 4, "default": 5}
-_SECONDS = {"paper": 10.0, "default": 0.6}
+_SECONDS = {"paper": 12.0, "default": 0.6}
 _MOMENTS = (0.1, 0.3, 0.5, 0.7)
 """At which the intention is shown, as shares of the travel time."""
 _SMALLEST_WEIGHT, _SMALLEST_AREA = 0.1, 0.05
