@@ -33,6 +33,8 @@ ROUTES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 """Of a scenario's routes, in their order."""
 WIDTH = 8.0
 """Of a figure, in inches."""
+_BAND_STEP = 0.1
+"""Between the points of a band's edge, in [m] along the path."""
 
 
 def new_figure(height: float, *, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, Any]:
@@ -86,14 +88,30 @@ def obstacle_patch(obstacle: Any):
     )
 
 
-def draw_band(axes: Axes, mean: np.ndarray, sigma: np.ndarray, colour: str, label: str | None = None) -> None:
-    """An expected path (N, 2) in [m] with circles of one standard deviation (N, 2) along it, as a band."""
-    import numpy as np
-    from matplotlib.patches import Ellipse
+def draw_band(
+    axes: Axes, mean: np.ndarray, sigma: np.ndarray, colour: str, label: str | None = None, **line: Any
+) -> None:
+    """An expected path (N, 2) in [m] in a band of one standard deviation (N, 2) across it to either side.
 
-    for (x, y), (width, height) in list(zip(mean, sigma, strict=True))[::3]:
-        axes.add_patch(Ellipse((x, y), 2 * width, 2 * height, color=colour, alpha=0.05, linewidth=0))
-    axes.plot(*np.asarray(mean).T, color=colour, linewidth=1.5, label=label)
+    Args:
+        axes: Where to draw.
+        mean, sigma: Finite.
+        colour, label: Of the path.
+        line: Other properties of its line.
+    """
+    import numpy as np
+
+    # Where the path hardly moves it has no direction.
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(mean, axis=0), axis=1))])
+    kept = np.unique(np.floor(way / _BAND_STEP), return_index=True)[1]
+    if len(kept) > 1:
+        ahead = np.gradient(mean[kept], axis=0)
+        across = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+        across *= np.linalg.norm(across * sigma[kept], axis=1, keepdims=True)
+        edge = np.concatenate([mean[kept] + across, (mean[kept] - across)[::-1]])
+        axes.fill(*edge.T, color=colour, alpha=0.2, linewidth=0)
+    axes.plot(*np.asarray(mean).T, color=colour, label=label, **{"linewidth": 1.5, **line})
 
 
 def draw_estimates(
