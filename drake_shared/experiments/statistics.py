@@ -147,6 +147,36 @@ def claim(text: str, values: ArrayLike, *, smallest: float, unit: str, level: fl
     )
 
 
+def not_worse(text: str, values: ArrayLike, *, margin: float, unit: str, level: float = 0.95) -> Claim:
+    """The claim that the mean of ``values`` (n,) is above ``-margin``: not worse by as much as matters.
+
+    It "holds" where the whole interval is above that bound and is "reversed" where all of it is below.
+    """
+    estimate = interval(values, level=level)
+    if verdict(estimate, margin) == "reversed":
+        found = "reversed"
+    else:
+        found = "holds" if estimate.count > 1 and estimate.low > -margin else "open"
+    return Claim(text=text, estimate=estimate, smallest=-margin, unit=unit, verdict=found)
+
+
+def at_least(text: str, values: ArrayLike, *, least: float, unit: str, level: float = 0.95) -> Claim:
+    """The claim that the mean of ``values`` (n,) is ``least`` or more, and its interval above 0.
+
+    Weaker than `claim`, which asks for the whole interval to be above the smallest effect; where it does not
+    hold the verdict is that of `verdict`.
+    """
+    estimate = interval(values, level=level)
+    held = estimate.count > 1 and estimate.mean >= least and estimate.low > 0.0
+    return Claim(
+        text=text,
+        estimate=estimate,
+        smallest=least,
+        unit=unit,
+        verdict="holds" if held else verdict(estimate, least),
+    )
+
+
 def paired_claims(questions: Sequence[dict[str, Any]], *, level: float = 0.95) -> list[Claim]:
     """Claims that "one" is larger than "other", adjusted together by Holm's method.
 

@@ -12,7 +12,7 @@ from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.dataset import make_dataset
 from drake_shared.learners.mixture import MixtureLearner
 from drake_shared.learners.optimisation import Progress
-from drake_shared.learners.parameters import find_parameters
+from drake_shared.learners.parameters import TrainingParameters, find_parameters
 from drake_shared.learners.training import (
     RESERVED,
     check_options,
@@ -33,6 +33,7 @@ def train_mixture(
     seconds: float | None = None,
     iterations: int | None = None,
     progress: Progress | None = None,
+    parameters: TrainingParameters | None = None,
 ) -> MixtureLearner:
     """Trains an expert on each way, side by side; the arguments are those of `train`.
 
@@ -41,7 +42,7 @@ def train_mixture(
         RunError: A loss became NaN or infinite.
     """
     begun = time.perf_counter()
-    parameters = find_parameters(preset)
+    parameters = parameters or find_parameters(preset)
     if iterations is not None:
         parameters = dataclasses.replace(parameters, iterations=iterations)
     check_options(parameters, seconds=seconds, seed=seed)
@@ -77,7 +78,7 @@ def train_mixture(
             leanings=leanings,
             noise=(parameters.noise or 0.1) * dataset.spread,
             confidence_gain=1.0,
-            metadata={**metadata, "preset": preset},
+            metadata={**metadata, "preset": parameters.preset},
         ).calibrated(demonstrations)
     learner.metadata["training"]["seconds"] = round(time.perf_counter() - begun, 3)
     return learner
