@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import itertools
 import json
+import logging
 import queue
 import socket
 import threading
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from drake_shared.cockpit.access import Access, is_loopback
 from drake_shared.cockpit.allowance import Allowance
@@ -159,6 +161,7 @@ class CockpitServer:
             handle_signals=False,
             shutdown_timeout=1.0,
             keepalive_timeout=_IDLE_AFTER,
+            logger=_quiet_logger(),
         )
         await runner.setup()
         assert runner.server is not None
@@ -275,3 +278,14 @@ class CockpitServer:
                 state = "yours"
             page.tell("seat", json.dumps({"type": "seat", "state": state, "refused": refused}))
             page.tell("settings", json.dumps(settings))
+
+
+def _quiet_logger() -> logging.Logger:
+    """One that reports our own failures, but not what others say: it would fill the terminal at their will."""
+    logger = logging.getLogger("drake_shared.cockpit")
+    logger.addFilter(_is_ours)
+    return logger
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))
