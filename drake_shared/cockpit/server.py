@@ -281,7 +281,7 @@ class CockpitServer:
 
 
 def _quiet_logger() -> logging.Logger:
-    """One that reports our own failures, but not what others say: it would fill the terminal at their will."""
+    """One that reports our own failures, but not what others say: they could fill the terminal."""
     logger = logging.getLogger("drake_shared.cockpit")
     logger.addFilter(_is_ours)
     return logger

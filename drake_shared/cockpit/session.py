@@ -180,7 +180,10 @@ class Session:
         return name, None
 
     def _show(self, running: RunningTrial) -> None:
-        self.server.publish("now", describe_now(self._instruments.read(running), running.time))
+        now = describe_now(
+            self._instruments.read(running), running.time, self._instruments.read_let_go(running)
+        )
+        self.server.publish("now", now)
 
     def _tell(self, phase: str, running: RunningTrial | None = None) -> None:
         self.phase = phase

@@ -82,7 +82,7 @@ def _drive(page: Any, served: Served, seconds: float) -> dict[str, Any]:
 
 
 def _flatness(memory: MemoryWatch, seconds: float) -> dict[str, Any]:
-    """Memory in [MB] once warm: at first and at last (means of a tenth of the time), range, trend a minute."""
+    """Memory in [MB] once warm: at first and at last (means of a tenth), its range, its trend a minute."""
     times = np.array(memory.times) - memory.times[0]
     values = np.array(memory.values)
     warm = times >= min(_WARM * seconds, _WARM_AT_MOST)
