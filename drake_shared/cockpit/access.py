@@ -12,6 +12,7 @@ from aiohttp import web
 
 _LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 _REFUSED = "Open the address that drake-shared printed, with its key: this browser has none, or an old one."
+_ELSEWHERE = "Only this server's own page may do that."
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -43,7 +44,9 @@ class Access:
         origin = request.headers.get("Origin")
         wants_socket = request.headers.get("Upgrade", "").lower() == "websocket"
         if (wants_socket or origin is not None) and origin != f"{request.scheme}://{request.host}":
-            raise web.HTTPForbidden(text="Only this server's own page may do that.")
+            raise web.HTTPForbidden(text=_ELSEWHERE)
+        if _embedded_elsewhere(request):
+            raise web.HTTPForbidden(text=_ELSEWHERE)
         given = request.query.get("k")
         if given is not None and request.path == "/":
             if not self._is_token(given):
@@ -89,6 +92,14 @@ def is_loopback(host: str) -> bool:
 def _cookie_name(request: web.Request) -> str:
     """Browsers send a cookie to every port of a host: two servers must not share a name."""
     return f"drake_shared_{request.url.port}"
+
+
+def _embedded_elsewhere(request: web.Request) -> bool:
+    """Whether the browser says that a page of another origin wants this as a part of itself."""
+    if request.headers.get("Sec-Fetch-Site", "none") in ("same-origin", "none"):
+        return False
+    # A link that is followed opens a window of its own; a frame is a document within another.
+    return request.headers.get("Sec-Fetch-Dest") != "document"
 
 
 def _without_port(host: str) -> str:

@@ -7,12 +7,15 @@ from collections.abc import Iterator
 
 from aiohttp import WSCloseCode, web
 
+_FAREWELL = 2.0
+
 
 class Page:
     """One page's connection, with the newest of each topic that it has not been sent yet."""
 
-    def __init__(self, connection: web.WebSocketResponse) -> None:
+    def __init__(self, connection: web.WebSocketResponse, transport: asyncio.Transport | None) -> None:
         self._connection = connection
+        self._transport = transport
         self._unsent: dict[str, str] = {}
         self._wake = asyncio.Event()
 
@@ -34,8 +37,13 @@ class Page:
                     return
 
     async def close(self, code: int, reason: str) -> None:
-        """Closes the connection and says why."""
-        await self._connection.close(code=code, message=reason.encode()[:120])
+        """Closes the connection and says why, but waits for nobody who does not listen."""
+        try:
+            async with asyncio.timeout(_FAREWELL):
+                await self._connection.close(code=code, message=reason.encode()[:120])
+        except TimeoutError:
+            if self._transport is not None:
+                self._transport.abort()
 
 
 class Audience:

@@ -15,6 +15,7 @@ from pathlib import Path
 from pydrake.systems.framework import LeafSystem
 from threadpoolctl import threadpool_limits
 
+from drake_shared.authority import Authority
 from drake_shared.cockpit.meshcat_proxy import start_meshcat
 from drake_shared.cockpit.seat import Seat
 from drake_shared.cockpit.server import DEFAULT_PORT, CockpitServer
@@ -39,6 +40,8 @@ def drive(
     *,
     operator: str = "mouse",
     assist: bool = True,
+    authority: Authority | bool | None = None,
+    safety_clearance: float | None = None,
     record: str | os.PathLike[str] | None = None,
     host: str = "127.0.0.1",
     port: int = DEFAULT_PORT,
@@ -55,6 +58,8 @@ def drive(
         learner: Predicts intentions; the person drives alone without one.
         operator: "mouse" for a person at the page, "surrogate" for a simulated operator to look at.
         assist: Whether the agent takes part at first; the page can switch it.
+        authority: What is left to the human; as for :class:`drake_shared.trial.Simulation`.
+        safety_clearance: Kept by a safety filter, in [m]; without one if None.
         record: Folder for the logs; nothing is kept if None.
         host: Address to listen on; loopback unless said otherwise.
         port: Port to listen on; 0 for any that is free.
@@ -70,6 +75,8 @@ def drive(
         learner,
         operator=operator,
         assist=assist,
+        authority=authority,
+        safety_clearance=safety_clearance,
         record=record,
         host=host,
         port=port,
@@ -91,6 +98,8 @@ def open_session(
     *,
     operator: str | Callable[[MouseSource], LeafSystem] = "mouse",
     assist: bool = True,
+    authority: Authority | bool | None = None,
+    safety_clearance: float | None = None,
     record: str | os.PathLike[str] | None = None,
     host: str = "127.0.0.1",
     port: int = 0,
@@ -121,7 +130,14 @@ def open_session(
             driver: LeafSystem | None = MouseInput(robot=scenario.robot, source=seat)
         else:
             driver = operator(seat) if callable(operator) else None
-        simulation = Simulation(scenario, learner=learner, operator=driver, meshcat=meshcat)
+        simulation = Simulation(
+            scenario,
+            learner=learner,
+            operator=driver,
+            authority=authority,
+            safety_clearance=safety_clearance,
+            meshcat=meshcat,
+        )
         draw_scenery(meshcat, scenario)
         look_from_above(meshcat, scenario)
         yield Session(

@@ -18,6 +18,9 @@ from pydrake.geometry import Meshcat, MeshcatParams
 from drake_shared.cockpit.scene_relay import relay_from
 
 _SCRIPT = '<script type="module" src="/cockpit/main.js"></script>\n'
+MAX_SCENES = 32
+_CHUNK = 1 << 16
+_STUCK_AFTER = 10.0
 _INLINE = re.compile(r"<script(?![^>]*\bsrc=)[^>]*>(.*?)</script>", re.DOTALL)
 
 
@@ -51,13 +54,14 @@ class MeshcatProxy:
     def __init__(self, url: str) -> None:
         self._url = url.rstrip("/")
         self._client: aiohttp.ClientSession | None = None
+        self._parts: dict[str, tuple[bytes, str]] = {}
         self._scenes: set[web.WebSocketResponse] = set()
 
     def add_routes(self, app: web.Application) -> None:
         """Adds the page, its parts and its websocket to ``app``."""
-        app.router.add_get("/", self._root)
-        app.router.add_get("/favicon.ico", self._part)
-        app.router.add_get("/cas-v1/{name:[0-9a-f]{64}}", self._part)
+        app.router.add_get("/", self._root, allow_head=False)
+        app.router.add_get("/favicon.ico", self._part, allow_head=False)
+        app.router.add_get("/cas-v1/{name:[0-9a-f]{64}}", self._part, allow_head=False)
         app.cleanup_ctx.append(self._hold_client)
         app.on_shutdown.append(self._close_scenes)
 
@@ -79,20 +83,40 @@ class MeshcatProxy:
         return web.Response(text=page, content_type="text/html", headers={"Content-Security-Policy": policy})
 
     async def _part(self, request: web.Request) -> web.StreamResponse:
-        """Parts are named by their content, so that a browser may keep them."""
+        """Parts are named by their content, so that a browser may keep them, and so do we."""
+        body, kind = self._parts.get(request.path) or await self._fetch(request.path)
+        named = request.path.startswith("/cas")
+        kept = "private, max-age=604800, immutable" if named else "no-store"
+        if named:
+            self._parts[request.path] = body, kind
+        response = web.StreamResponse(headers={"Cache-Control": kept})
+        response.content_type = kind
+        response.content_length = len(body)
+        await response.prepare(request)
+        # Piece by piece: whoever does not read must not make us hold megabytes for each connection.
+        for start in range(0, len(body), _CHUNK):
+            try:
+                async with asyncio.timeout(_STUCK_AFTER):
+                    await response.write(body[start : start + _CHUNK])
+            except TimeoutError:
+                if request.transport is not None:
+                    request.transport.abort()
+                break
+        return response
+
+    async def _fetch(self, path: str) -> tuple[bytes, str]:
         assert self._client is not None
-        async with self._client.get(f"{self._url}{request.path}") as answer:
+        async with self._client.get(f"{self._url}{path}") as answer:
             if answer.status != 200:
                 raise web.HTTPNotFound
-            body = await answer.read()
-            name = answer.headers.get("Meshcat-Cas-Filename", request.path)
-        kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
-        kept = "private, max-age=604800, immutable" if request.path.startswith("/cas") else "no-store"
-        return web.Response(body=body, content_type=kind, headers={"Cache-Control": kept})
+            name = answer.headers.get("Meshcat-Cas-Filename", path)
+            return await answer.read(), mimetypes.guess_type(name)[0] or "application/octet-stream"
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        # No heartbeat of the library's: what it sends would fall in between the bytes of others.
-        page = web.WebSocketResponse(max_msg_size=65536, timeout=1.0, compress=False)
+        if len(self._scenes) >= MAX_SCENES:
+            raise web.HTTPServiceUnavailable(text="Too many pages are open.")
+        # No heartbeat or pong of the library's: what it sends would fall in between the bytes of others.
+        page = web.WebSocketResponse(max_msg_size=65536, timeout=1.0, compress=False, autoping=False)
         async with relay_from(self._url) as relay:
             await page.prepare(request)
             self._scenes.add(page)
@@ -100,6 +124,9 @@ class MeshcatProxy:
                 await relay.run(page, request.transport)
             finally:
                 self._scenes.discard(page)
+        if request.transport is not None and request.transport.get_write_buffer_size():
+            # It does not take what it is sent, and so would never take a farewell.
+            request.transport.abort()
         await page.close()
         return page
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from drake_shared.metrics import metrics
 from drake_shared.scenario import Scenario
+from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.mouse_input import MouseInput
 from drake_shared.trial import RunningTrial, Simulation, Trial
 
@@ -49,6 +50,7 @@ class Instruments:
         multiplexer = simulation.diagram.GetSubsystemByName("log_multiplexer")
         self._multiplexer = multiplexer
         self._port = multiplexer.get_output_port()
+        self._blender = simulation.parts.blender
 
     def read(self, running: RunningTrial) -> dict[str, float]:
         """Each column of the log to its value now.
@@ -59,11 +61,18 @@ class Instruments:
         context = self._multiplexer.GetMyContextFromRoot(running.root)
         return dict(zip(self._columns, self._port.Eval(context).tolist(), strict=True))
 
+    def read_let_go(self, running: RunningTrial) -> str | None:
+        """Why the agent leaves the control to the human now; see :meth:`ConfidenceBlender.let_go`."""
+        if not isinstance(self._blender, ConfidenceBlender):
+            return None
+        return self._blender.let_go(self._blender.GetMyContextFromRoot(running.root))
 
-def describe_now(values: Mapping[str, float], time: float) -> dict[str, Any]:
+
+def describe_now(values: Mapping[str, float], time: float, let_go: str | None = None) -> dict[str, Any]:
     """What the page's instruments show. Commands are wheel speeds [left, right] in [rad/s]."""
     return {
         "t": round(time, 3),
+        "let_go": let_go,
         "human_weight": _number(values["human_weight"]),
         "confidence": _number(values["confidence"]),
         "human": _pair(values, "human"),

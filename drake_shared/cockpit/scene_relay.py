@@ -11,9 +11,14 @@ from urllib.parse import urlsplit
 
 from aiohttp import web
 
+from drake_shared.cockpit.allowance import Allowance
+
 _CHUNK = 1 << 18
-_FULL = 1 << 22
+_FULL = 1 << 20
 _STUCK_AFTER = 5.0
+_BEHIND_FOR = 15.0
+# Messages a second from a page to Drake that are read, to be dropped.
+_DROPPED = 200.0
 _SIGN_OF_LIFE = 20.0
 # A pong that nobody asked for: final frame, opcode 10, masked as a client's must be, empty.
 _PONG = b"\x8a\x80\x00\x00\x00\x00"
@@ -43,9 +48,15 @@ class SceneRelay:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     async def _pass_on(self, transport: asyncio.Transport) -> None:
+        clock = asyncio.get_running_loop().time
+        kept_up = clock()
         while data := await self._reader.read(_CHUNK):
+            # Drake must not hoard what a page does not take, be it frozen or ever too slow; it reloads later.
+            if not transport.get_write_buffer_size():
+                kept_up = clock()
+            elif clock() - kept_up > _BEHIND_FOR:
+                return
             transport.write(data)
-            # Drake must not hoard what a frozen page does not take; the page reloads when it wakes.
             async with asyncio.timeout(_STUCK_AFTER):
                 while transport.get_write_buffer_size() > _FULL:
                     await asyncio.sleep(0.01)
@@ -93,5 +104,6 @@ async def relay_from(url: str) -> AsyncIterator[SceneRelay]:
 
 async def _swallow(page: web.WebSocketResponse) -> None:
     """Reads what a page says to Drake and drops it: one malformed byte would end the process."""
+    allowance = Allowance(rate=_DROPPED, burst=int(_DROPPED))
     async for _ in page:
-        pass
+        await allowance.take()

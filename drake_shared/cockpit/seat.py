@@ -18,6 +18,8 @@ LET_GO = "stopped"
 LOST = "page_closed"
 """The driver's page was closed, reloaded or fell silent."""
 
+_REMEMBERED = 16
+
 
 class Seat:
     """Hands out the single driver's seat, and keeps what its holder says. Safe to use from any thread.
@@ -74,8 +76,12 @@ class Seat:
         return self._assist
 
     def departure(self, engagement: int) -> str | None:
-        """Why ``engagement`` is over: LET_GO, LOST, or what :meth:`vacate` was told; None while it lasts."""
-        return self._departures.get(engagement)
+        """Why ``engagement`` is over: LET_GO, LOST, or what :meth:`vacate` was told; None while it lasts.
+
+        The reasons of the last few are remembered; of those before, only that they are over.
+        """
+        over = engagement < self._sample.engagement
+        return self._departures.get(engagement, LOST if over else None)
 
     def listen(self, listener: Callable[[], None]) -> None:
         """Calls ``listener``, in whatever thread, after every change of the seat or of a setting."""
@@ -154,7 +160,9 @@ class Seat:
         return True
 
     def _free(self, why: str) -> None:
-        self._departures[self._sample.engagement] = why
+        engagement = self._sample.engagement
+        self._departures[engagement] = why
+        self._departures.pop(engagement - _REMEMBERED, None)
         self._holder = None
         # The counters stay: a log keeps the last that was known.
         self._sample = dataclasses.replace(self._sample, engaged=False, forward=0.0, turn=0.0)

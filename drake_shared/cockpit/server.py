@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import itertools
 import json
+import logging
 import queue
 import socket
 import threading
@@ -14,9 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from drake_shared.cockpit.access import Access, is_loopback
+from drake_shared.cockpit.allowance import Allowance
 from drake_shared.cockpit.audience import Audience, Page
+from drake_shared.cockpit.door import Door
 from drake_shared.cockpit.listening import listen
 from drake_shared.cockpit.meshcat_proxy import MeshcatProxy
 from drake_shared.cockpit.messages import (
@@ -35,6 +39,12 @@ from drake_shared.cockpit.seat import LET_GO, LOST, Seat
 DEFAULT_PORT = 8080
 MAX_PAGES = 32
 _WATCH_PERIOD = 0.05
+# Changes of the seat within this time, in [s], are told to the pages at once.
+_GATHER = 0.01
+# Messages a second: the quickest mouse makes 8,000 moves, and whoever does not drive has little to say.
+_MOVES, _OTHERS = 10_000.0, 100.0
+_AT_ONCE = 200
+_IDLE_AFTER = 15.0
 
 
 class CockpitServer:
@@ -66,10 +76,13 @@ class CockpitServer:
         self._access = Access(host=host, token=token)
         self._meshcat = MeshcatProxy(meshcat_url)
         self._audience = Audience()
+        self.routes: tuple[web.AbstractRoute, ...] = ()
+        """Everything that can be asked for, once it is served."""
         self._numbers = itertools.count(1)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
         self._closing: asyncio.Event | None = None
+        self._to_be_told = False
 
     @property
     def address(self) -> str:
@@ -101,7 +114,7 @@ class CockpitServer:
         if failure is not None:
             self._thread.join()
             raise failure
-        self.seat.listen(lambda: self._in_loop(self._tell_seat))
+        self.seat.listen(lambda: self._in_loop(self._tell_seat_soon))
 
     def stop(self) -> None:
         """Closes every page's connection and ends the thread."""
@@ -140,25 +153,43 @@ class CockpitServer:
     async def _serve(self, listener: socket.socket, on_started: Callable[[], None]) -> None:
         self._loop = asyncio.get_running_loop()
         self._closing = asyncio.Event()
-        app = web.Application(middlewares=[self._access.guard], client_max_size=4096)
-        app.on_response_prepare.append(self._access.add_headers)
-        self._meshcat.add_routes(app)
-        app.router.add_get("/drive", self._drive)
-        app.router.add_static("/cockpit/", Path(__file__).parent / "page")
-        runner = web.AppRunner(app, access_log=None, handle_signals=False, shutdown_timeout=1.0)
+        door = Door(listener)
+        app = self._make_application(door)
+        runner = web.AppRunner(
+            app,
+            access_log=None,
+            handle_signals=False,
+            shutdown_timeout=1.0,
+            keepalive_timeout=_IDLE_AFTER,
+            logger=_quiet_logger(),
+        )
         await runner.setup()
-        await web.SockSite(runner, listener).start()
+        assert runner.server is not None
+        tasks = [asyncio.create_task(job) for job in (door.keep(runner.server), self._watch(door))]
         on_started()
-        watch = asyncio.create_task(self._watch())
         await self._closing.wait()
-        watch.cancel()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        listener.close()
         await self._audience.close_all()
         await runner.cleanup()
 
-    async def _watch(self) -> None:
-        """Takes the seat from a driver whose page has fallen silent."""
+    def _make_application(self, door: Door) -> web.Application:
+        """Everything that is served, behind the guard."""
+        app = web.Application(middlewares=[self._access.guard, door.admit], client_max_size=4096)
+        app.on_response_prepare.append(self._access.add_headers)
+        self._meshcat.add_routes(app)
+        app.router.add_get("/drive", self._drive, allow_head=False)
+        app.router.add_static("/cockpit/", Path(__file__).parent / "page")
+        self.routes = tuple(app.router.routes())
+        return app
+
+    async def _watch(self, door: Door) -> None:
+        """Takes the seat from a driver whose page has fallen silent, and sees strangers off."""
         while True:
             await asyncio.sleep(_WATCH_PERIOD)
+            door.sweep()
             number = self.seat.expire()
             if number is not None:
                 await self._audience.close(number, WSCloseCode.POLICY_VIOLATION, "no sign of life")
@@ -168,16 +199,23 @@ class CockpitServer:
             raise web.HTTPServiceUnavailable(text="Too many pages are open.")
         # The library closes what is beyond its own limit without a word; below that we say why.
         connection = web.WebSocketResponse(
-            max_msg_size=16 * MAX_BYTES, heartbeat=10.0, timeout=1.0, compress=False
+            max_msg_size=16 * MAX_BYTES, heartbeat=10.0, timeout=1.0, compress=False, autoping=False
         )
         await connection.prepare(request)
         number = next(self._numbers)
-        page = Page(connection)
+        page = Page(connection, request.transport)
         self._audience.add(number, page)
-        self._tell_seat()
+        self._tell_seat(number)
         writer = asyncio.create_task(page.write())
+        moves = Allowance(rate=_MOVES, burst=_AT_ONCE)
+        others = Allowance(rate=_OTHERS, burst=_AT_ONCE)
         try:
             async for message in connection:
+                if message.type in (WSMsgType.PING, WSMsgType.PONG):
+                    await others.take()
+                    if message.type is WSMsgType.PING:
+                        await connection.pong(message.data)
+                    continue
                 if message.type is not WSMsgType.TEXT:
                     await page.close(WSCloseCode.UNSUPPORTED_DATA, "a message must be text")
                     break
@@ -185,10 +223,13 @@ class CockpitServer:
                     await page.close(WSCloseCode.MESSAGE_TOO_BIG, f"a message may have {MAX_BYTES} bytes")
                     break
                 try:
-                    self._take(number, parse(message.data))
+                    said = parse(message.data)
                 except BadMessage as error:
                     await page.close(WSCloseCode.POLICY_VIOLATION, str(error))
                     break
+                self._take(number, said)
+                drives = isinstance(said, Move) and number == self.seat.holder
+                await (moves if drives else others).take()
         finally:
             self._audience.remove(number)
             self.seat.leave(number, LOST)
@@ -209,10 +250,16 @@ class CockpitServer:
             case SetAssist(on):
                 entitled = self.seat.set_assist(number, on)
         if not entitled:
-            self._tell_seat(refused=number)
+            self._tell_seat(number, refused=True)
 
-    def _tell_seat(self, refused: int | None = None) -> None:
-        """Tells each page whether the seat is its own, taken or free, and the settings in force."""
+    def _tell_seat_soon(self) -> None:
+        if not self._to_be_told:
+            self._to_be_told = True
+            asyncio.get_running_loop().call_later(_GATHER, self._tell_seat)
+
+    def _tell_seat(self, only: int | None = None, *, refused: bool = False) -> None:
+        """Tells a page, or each, whether the seat is its own, taken or free, and the settings in force."""
+        self._to_be_told = self._to_be_told and only is not None
         stick = self.seat.latest().stick
         settings = {
             "type": "settings",
@@ -222,10 +269,23 @@ class CockpitServer:
             "assist": self.seat.assist,
         }
         for number, page in self._audience:
+            if only not in (None, number):
+                continue
             state = "free" if self.seat.holder is None else "taken"
             if not self.seat.open:
                 state = "none"
             elif number == self.seat.holder:
                 state = "yours"
-            page.tell("seat", json.dumps({"type": "seat", "state": state, "refused": number == refused}))
+            page.tell("seat", json.dumps({"type": "seat", "state": state, "refused": refused}))
             page.tell("settings", json.dumps(settings))
+
+
+def _quiet_logger() -> logging.Logger:
+    """One that reports our own failures, but not what others say: they could fill the terminal."""
+    logger = logging.getLogger("drake_shared.cockpit")
+    logger.addFilter(_is_ours)
+    return logger
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import gc
 import itertools
 import threading
 from collections.abc import Callable
@@ -167,6 +168,8 @@ class Session:
         )
         self._enough = bool(self._on_trial(trial))
         self._tell("finished", running)
+        # Nobody waits now, and what those who misbehave leave behind is large and hangs together in circles.
+        gc.collect()
 
     def _save(self, trial: Trial, ended: datetime.datetime) -> tuple[str | None, str | None]:
         """The name of the file that keeps the trial, or why there is none; a full disk ends no session."""
@@ -180,7 +183,10 @@ class Session:
         return name, None
 
     def _show(self, running: RunningTrial) -> None:
-        self.server.publish("now", describe_now(self._instruments.read(running), running.time))
+        now = describe_now(
+            self._instruments.read(running), running.time, self._instruments.read_let_go(running)
+        )
+        self.server.publish("now", now)
 
     def _tell(self, phase: str, running: RunningTrial | None = None) -> None:
         self.phase = phase

@@ -24,6 +24,11 @@ class Drive:
     """Who drives: a person on the page, or a simulated operator, for a look."""
     assist: bool = True
     """Whether the agent shares the control at first; the page can switch it."""
+    authority: str | None = None
+    """What is left to the person: on, off, or changes such as "floor=0.3,conflict_time=off"; default: off
+    with a learner of preset "paper", else on."""
+    safety: float | None = None
+    """Clearance that a safety filter keeps to every obstacle, in m; no filter without it."""
     record: Path = Path("logs")
     """Folder for the logs, one a trial."""
     host: str = "127.0.0.1"
@@ -35,10 +40,15 @@ class Drive:
 
     def run(self) -> None:
         """Does it."""
+        from drake_shared.authority import parse_authority
         from drake_shared.cockpit import drive
         from drake_shared.scenario import load_scenario
+        from drake_shared.systems.safety_filter import check_clearance
 
         scenario = load_scenario(self.scenario)
+        authority = None if self.authority is None else parse_authority(self.authority)
+        if self.safety is not None:
+            check_clearance(self.safety, source="drive")
         learner, _ = open_learner(scenario, self.model, self.preset)
         check_writable(self.record)
         drive(
@@ -46,6 +56,8 @@ class Drive:
             learner,
             operator=self.operator,
             assist=self.assist,
+            authority=authority,
+            safety_clearance=self.safety,
             record=self.record,
             host=self.host,
             port=self.port,

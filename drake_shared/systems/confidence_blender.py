@@ -132,6 +132,27 @@ class ConfidenceBlender(LeafSystem):
             raise ValueError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
         context.get_mutable_abstract_parameter(self._mode_index).set_value(mode)
 
+    def let_go(self, context: Context) -> str | None:
+        """Why the agent leaves the control to the human now, whatever its confidence.
+
+        Returns:
+            "hands_off" (the robot comes to rest), "conflict", or None.
+        """
+        if (
+            self._authority is None
+            or context.get_abstract_parameter(self._mode_index).get_value() != "shared"
+        ):
+            return None
+        held: _Held = self._held.Eval(context)
+        if held.released:
+            return "conflict"
+        return "hands_off" if self._is_hands_off(held) else None
+
+    def _is_hands_off(self, held: _Held) -> bool:
+        assert self._authority is not None
+        time = self._authority.hands_off_time
+        return time is not None and held.still >= time - 1e-9
+
     def _calc_weight(self, context: Context, output: BasicVector) -> None:
         mode = context.get_abstract_parameter(self._mode_index).get_value()
         weight = 1.0 if mode == "human" else 0.0
@@ -200,8 +221,7 @@ class ConfidenceBlender(LeafSystem):
         assert authority is not None
         weight = 1.0 - min(max(confidence, 0.0), 1.0) if not math.isnan(confidence) else 1.0
         weight, rate = max(weight, authority.floor), authority.weight_rate
-        hands_off = authority.hands_off_time is not None and held.still >= authority.hands_off_time - 1e-9
-        if held.released or hands_off:
+        if held.released or self._is_hands_off(held):
             weight = 1.0
             rate = 1.0 / (authority.release_time if held.released else authority.stop_time)
         if rate is None:

@@ -56,7 +56,14 @@ class RunningCockpit:
     """A session under way in a thread."""
 
     def __init__(
-        self, scenario: Scenario, learner, record: Path, *, assist: bool = True, operator: str | None = None
+        self,
+        scenario: Scenario,
+        learner,
+        record: Path,
+        *,
+        assist: bool = True,
+        operator: str | None = None,
+        **options,
     ):
         self.scenario = scenario
         self.record = record
@@ -66,6 +73,7 @@ class RunningCockpit:
         self.session: Session
         self._learner = learner
         self._assist = assist
+        self._options = options
         self._operator = operator or self._make_mouse
         self._interrupted = threading.Event()
         self._opened = threading.Event()
@@ -87,6 +95,7 @@ class RunningCockpit:
                 interrupted=self._interrupted,
                 say=self.messages.append,
                 on_trial=self.trials.append,
+                **self._options,
             ) as self.session:
                 self._opened.set()
                 self.session.run()

@@ -174,6 +174,17 @@ def test_the_instruments_show_the_drive(driving):
     assert "-0." in driving.page.get_attribute("#stick-plot .knob", "transform")
 
 
+def test_hands_off_is_said_and_stops_the_robot(long_cockpit, browser_context):
+    page = Page(browser_context, long_cockpit).open().engage()
+    page.page.keyboard.press("ArrowUp", delay=400)
+    page.wait_for_text(STATUS, "Hands off: stopping")
+    page.wait_for_text("#speed", r"0\.00 m/s")
+    page.page.keyboard.press("ArrowUp", delay=400)
+    page.wait_for_text(STATUS, "You are driving")
+    page.page.keyboard.press("Escape")
+    assert long_cockpit.next_trial().status == "stopped"
+
+
 def test_escape_stops(driving, long_cockpit):
     cockpit = long_cockpit
     driving.page.keyboard.press("Escape")

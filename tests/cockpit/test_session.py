@@ -173,6 +173,39 @@ def test_a_short_silence_only_brakes(long_cockpit, until):
     assert trial.status == "stopped"
 
 
+def test_a_driver_whose_hands_are_off_comes_to_rest_and_the_page_is_told(long_cockpit, until, monkeypatch):
+    cockpit = long_cockpit
+    told = []
+    publish = cockpit.session.server.publish
+
+    def listen(topic, content):
+        if topic == "now":
+            told.append(content)
+        publish(topic, content)
+
+    monkeypatch.setattr(cockpit.session.server, "publish", listen)
+    with Hand(cockpit.seat) as hand:
+        hand.push(forward=1.0)
+        cockpit.wait_for_time(0.5)
+        assert {now["let_go"] for now in told} == {None}
+        hand.push()
+        until(lambda: told[-1]["let_go"] == "hands_off" and not any(told[-1]["shared"]), "the robot to stop")
+        hand.push(forward=1.0)
+        until(lambda: told[-1]["let_go"] is None and all(told[-1]["shared"]), "the robot to go on")
+        hand.leave(LET_GO)
+        assert cockpit.next_trial().status == "stopped"
+
+
+def test_authority_and_safety_filter_are_those_that_were_asked_for(start_cockpit, short_floor, route_learner):
+    cockpit = start_cockpit(short_floor, route_learner(short_floor), authority=False, safety_clearance=0.1)
+    with Hand(cockpit.seat) as hand:
+        hand.push(forward=1.0)
+        trial = cockpit.next_trial()
+    assert trial.metadata["arbitration"]["configuration"]["authority"] is None
+    assert trial.metadata["safety_clearance"] == 0.1
+    assert np.all(np.isfinite(trial.commands("safe")))
+
+
 def test_trials_follow_each_other_and_each_starts_afresh(cockpit):
     with Hand(cockpit.seat) as hand:
         hand.push(forward=1.0)

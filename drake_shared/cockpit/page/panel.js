@@ -155,6 +155,12 @@ export class Panel {
       case "armed":
         return mine ? "You have the controls. The clock starts with your first move." : "About to start.";
       case "driving":
+        if (this.#now?.let_go === "hands_off") {
+          return mine ? "Hands off: stopping. Move to go on." : "Hands off: stopping.";
+        }
+        if (this.#now?.let_go === "conflict") {
+          return mine ? "You and the agent disagree: you drive alone." : "In conflict: the human drives alone.";
+        }
         return mine ? `You are driving${alone}. Reach the green goal.` : `Driving${alone}.`;
       case "stopping":
         return "Braking.";

@@ -1,0 +1,113 @@
+"""Everything that a server can be made to suffer, while someone drives: what it costs the drive."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attacks import ATTACKS
+from served import MemoryWatch, Served, read_pace
+
+LATE = 0.01
+"""Share of control steps that may be late by more than a period."""
+GROWTH = 10.0
+"""Memory in [MB] that an assault may leave behind."""
+PEAK = 40.0
+"""Memory in [MB] that it may take meanwhile."""
+AGE = 150.0
+"""Age in [ms] at which a driver's sample no longer counts; 99% must be younger."""
+ENDS = {"reached", "timed_out", "stopped"}
+"""How a trial may end whose driver was there all the time."""
+
+_HERE = Path(__file__).parent
+_WARM_UP = 3.0
+_SETTLE = 3.0
+
+
+def run(seconds: float, names: list[str]) -> dict[str, Any]:
+    """Makes each assault in turn, for so many seconds, and measures."""
+    with tempfile.TemporaryDirectory() as logs:
+        served = Served(Path(logs))
+        try:
+            _attack(served, "nothing", _WARM_UP)
+            results = {name: _attack(served, name, seconds) for name in names if served.runs}
+        finally:
+            errors = served.stop()
+    broken = [f"{name}: {what}" for name, result in results.items() for what in _broken(result)]
+    return {"seconds": seconds, "assaults": results, "broken": broken + errors}
+
+
+def _attack(served: Served, name: str, seconds: float) -> dict[str, Any]:
+    served.new_logs()
+    before = served.memory()
+    # The driver is there a little longer than the assault, so that all of it falls on a drive.
+    commands = [
+        [sys.executable, str(_HERE / "driver.py"), served.address, str(seconds + 1.0)],
+        [sys.executable, str(_HERE / "attacks.py"), name, served.address, str(seconds)],
+    ]
+    with MemoryWatch(served) as memory:
+        jobs = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for command in commands]
+        driven, attacked = (json.loads(job.communicate(timeout=seconds + 60.0)[0]) for job in jobs)
+    # Connections may be dropped when their time is over, not at once.
+    deadline = time.monotonic() + _SETTLE
+    while served.memory() - before > GROWTH and time.monotonic() < deadline:
+        time.sleep(0.1)
+    trips = driven["round_trips"]
+    return {
+        "did": attacked["did"],
+        **read_pace(served.new_logs()),
+        "started": driven["trials"],
+        "round_trip_p50": round(float(np.percentile(trips, 50)), 1) if trips else None,
+        "round_trip_p99": round(float(np.percentile(trips, 99)), 1) if trips else None,
+        "memory": round(before, 1),
+        "growth": round(served.memory() - before, 1),
+        "peak": round(max(memory.values) - before, 1),
+        "errors": driven["errors"] + attacked["errors"],
+    }
+
+
+def _broken(result: dict[str, Any]) -> list[str]:
+    """Which limits are, in words."""
+    broken = list(result["errors"])
+    if not result["steps"]:
+        return [*broken, "nothing was driven"]
+    late = result["late"] / result["steps"]
+    if late > LATE:
+        broken.append(f"{100 * late:.1f}% of the control steps were missed")
+    if not result["growth"] <= GROWTH:
+        broken.append(f"memory grew by {result['growth']} MB")
+    if not result["peak"] <= PEAK:
+        broken.append(f"memory rose by {result['peak']} MB meanwhile")
+    if result["sample_age"] > AGE:
+        broken.append(f"the driver's samples were up to {result['sample_age']} ms old")
+    if result["started"] != result["trials"]:
+        broken.append(f"{result['started']} trials were driven and {result['trials']} logged")
+    broken += [f"a trial ended as {status}" for status in set(result["statuses"]) - ENDS]
+    return broken
+
+
+def describe(report: dict[str, Any]) -> str:
+    """The report as a table, for people."""
+    lines = [
+        f"{'':18}{'steps':>7}{'missed':>8}{'worst':>8}{'sample':>8}{'trip p50':>10}{'p99':>8}"
+        f"{'growth':>8}{'peak':>7}",
+        f"{'':18}{'':>7}{'%':>8}{'ms':>8}{'ms':>8}{'ms':>10}{'ms':>8}{'MB':>8}{'MB':>7}",
+    ]
+    for name, result in report["assaults"].items():
+        missed = 100 * result["late"] / max(result["steps"], 1)
+        lines.append(
+            f"{name:18}{result['steps']:7}{missed:8.2f}{result['worst']:8}{result['sample_age']!s:>8}"
+            f"{result['round_trip_p50']!s:>10}{result['round_trip_p99']!s:>8}{result['growth']:8}{result['peak']:7}"
+            f"  {result['did']}"
+        )
+    return "\n".join(lines + [f"BROKEN: {what}" for what in report["broken"]])
+
+
+def all_names() -> list[str]:
+    return list(ATTACKS)

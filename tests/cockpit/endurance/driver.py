@@ -1,0 +1,110 @@
+"""A scripted driver without a browser, in a process of its own.
+
+Run as a program: ADDRESS SECONDS. Drives trial after trial, and prints how it went as one JSON object.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import struct
+import sys
+import time
+
+import aiohttp
+from aiohttp import WSMsgType
+from visitor import Visitor
+
+MOVES_A_SECOND = 60.0
+_PING_EVERY = 3  # moves
+_STICK = {"type": "stick", "gain": 0.004, "dead_zone": 0.0, "return_time": 0.0}
+
+
+class Driver:
+    """One page with a driver at it."""
+
+    def __init__(self, seconds: float) -> None:
+        self.trials = 0
+        self.round_trips: list[float] = []
+        self.errors: list[str] = []
+        self._seat = ""
+        self._phase = ""
+        self._start = time.monotonic()
+        self._seconds = seconds
+
+    async def drive(self, visitor: Visitor) -> None:
+        url = f"{visitor.origin}/drive"
+        headers = {"Cookie": visitor.cookie}
+        async with (
+            aiohttp.ClientSession() as http,
+            http.ws_connect(url, origin=visitor.origin, headers=headers, autoping=False) as page,
+        ):
+            listening = asyncio.create_task(self._listen(page))
+            await self._hold(page)
+            listening.cancel()
+
+    async def _hold(self, page: aiohttp.ClientWebSocketResponse) -> None:
+        engaged = False
+        moves = 0
+        while time.monotonic() - self._start < self._seconds and not page.closed:
+            if engaged and self._seat == "free":
+                engaged = False
+            if not engaged and self._seat == "free" and self._phase in ("ready", "finished"):
+                await page.send_json({"type": "engage"})
+                await page.send_json(_STICK)
+                engaged, self._seat = True, "asked for"
+            if self._seat == "yours":
+                way = time.monotonic() - self._start
+                forward, turn = 0.6 + 0.2 * math.sin(way), 0.5 * math.sin(0.7 * way)
+                await page.send_json({"type": "move", "x": 0, "y": 0, "forward": forward, "turn": turn})
+            moves += 1
+            if moves % _PING_EVERY == 0:
+                await page.ping(struct.pack("d", time.monotonic()))
+            await asyncio.sleep(1.0 / MOVES_A_SECOND)
+        if page.closed:
+            self.errors.append(f"the driver was thrown out: {page.close_code}")
+            return
+        await page.send_json({"type": "release"})
+        while self._phase in ("driving", "stopping") and not page.closed:
+            await asyncio.sleep(0.02)
+
+    async def _listen(self, page: aiohttp.ClientWebSocketResponse) -> None:
+        async for message in page:
+            if message.type is WSMsgType.PING:
+                await page.pong(message.data)
+            elif message.type is WSMsgType.PONG:
+                if len(message.data) == 8:
+                    self.round_trips.append(time.monotonic() - struct.unpack("d", message.data)[0])
+            elif message.type is WSMsgType.TEXT:
+                self._hear(json.loads(message.data))
+
+    def _hear(self, message: dict) -> None:
+        if message["type"] == "seat":
+            self._seat = message["state"]
+            if message["refused"]:
+                self.errors.append("the driver was refused the seat")
+        elif message["type"] == "trial":
+            self.trials += message["phase"] == "driving" != self._phase
+            self._phase = message["phase"]
+
+
+def main(address: str, seconds: str) -> None:
+    driver = Driver(float(seconds))
+    try:
+        asyncio.run(driver.drive(Visitor(address)))
+    except (aiohttp.ClientError, OSError) as error:
+        driver.errors.append(f"the driver was thrown out: {error!r}")
+    print(
+        json.dumps(
+            {
+                "trials": driver.trials,
+                "round_trips": [round(1000 * value, 3) for value in driver.round_trips],
+                "errors": driver.errors,
+            }
+        )
+    )
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
