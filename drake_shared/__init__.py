@@ -17,6 +17,7 @@ from drake_shared.replay import write_replay
 from drake_shared.scenario import Scenario, load_scenario
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
+from drake_shared.systems.dynamic_plant import DynamicPlant
 from drake_shared.systems.intention_estimator import Intention, IntentionEstimator
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
 from drake_shared.systems.mouse_input import MouseInput
@@ -35,6 +36,7 @@ __all__ = [
     "Counterfactual",
     "DiffDrivePlant",
     "DrakeSharedError",
+    "DynamicPlant",
     "InputError",
     "Intention",
     "IntentionEstimator",

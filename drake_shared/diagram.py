@@ -19,6 +19,7 @@ from drake_shared.obstacles import register_obstacles
 from drake_shared.scenario import Scenario
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
+from drake_shared.systems.dynamic_plant import DynamicPlant
 from drake_shared.systems.intention_estimator import IntentionEstimator
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
 from drake_shared.systems.safety_filter import SafetyFilter
@@ -48,7 +49,7 @@ class SharedControl:
         controller: Steers the way predicted.
         blender: Divides the control.
         arbitration: Its name and its whole configuration, as a log keeps them.
-        plant: The robot.
+        plant: The robot: a :class:`DynamicPlant` if the scenario's ``plant`` is dynamic.
         scene_graph: Holds the obstacles.
         log_sink: Logs ``columns``, one row a control period.
         columns: Names of the logged values; those that the operator and the safety filter add come last.
@@ -106,15 +107,7 @@ def AddSharedControl(
     known = "confidence_blender" if isinstance(blender, ConfidenceBlender) else "arbiter"
     blender = builder.AddNamedSystem(known, blender)
     # The looks of the robot cost time in every step, and serve only those who look.
-    plant = builder.AddNamedSystem(
-        "diff_drive_plant",
-        DiffDrivePlant(
-            robot=scenario.robot,
-            start=scenario.start,
-            period=period,
-            scene_graph=scene_graph if meshcat else None,
-        ),
-    )
+    plant = builder.AddNamedSystem("diff_drive_plant", _plant(scenario, scene_graph if meshcat else None))
     pose = plant.GetOutputPort("pose")
     human = operator.GetOutputPort("human_command")
     autonomous = controller.GetOutputPort("autonomous_command")
@@ -208,6 +201,15 @@ def AddSharedControl(
     )
 
 
+def _plant(scenario: Scenario, scene_graph: SceneGraph | None) -> DiffDrivePlant:
+    robot, start, period = scenario.robot, scenario.start, scenario.control_period
+    if scenario.plant == "kinematic":
+        return DiffDrivePlant(robot=robot, start=start, period=period, scene_graph=scene_graph)
+    return DynamicPlant(
+        robot=robot, obstacles=scenario.obstacles, start=start, period=period, scene_graph=scene_graph
+    )
+
+
 def MakeSharedControlDiagram(
     scenario: Scenario,
     *,
@@ -242,7 +244,8 @@ def MakeSharedControlDiagram(
         meshcat: Shows scene and intention there, if given.
 
     Raises:
-        InputError: There is no arbiter of that name, or it lacks a port or has no authority to be set.
+        InputError: There is no arbiter of that name, or it lacks a port or has no authority to be set; the
+            robot's SDF file cannot be used.
     """
     builder = DiagramBuilder()
     parts = AddSharedControl(

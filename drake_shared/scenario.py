@@ -24,6 +24,8 @@ MUST_BE_GIVEN = math.nan
 # A trial of more control steps is a slip of the pen, and would fill the memory with its log.
 MOST_STEPS = 1_000_000
 
+PLANTS = ("kinematic", "dynamic")
+
 
 @dataclasses.dataclass(kw_only=True)
 class Robot:
@@ -145,6 +147,8 @@ class Scenario:
     control_period: float = 0.05
     travel_time: float = 11.0
     """Time in which an unhurried operator comes from start to goal."""
+    plant: str = "kinematic"
+    """"kinematic": wheels that never slip; "dynamic": mass, friction and motors."""
 
     @property
     def steps(self) -> int:
@@ -318,6 +322,8 @@ def _check_sizes(scenario: Scenario, source) -> None:
     for name, value in positive.items():
         if value <= 0:
             raise InputError(source, name, "must be positive", value)
+    if scenario.plant not in PLANTS:
+        raise InputError(source, "plant", f"must be one of {', '.join(PLANTS)}", repr(scenario.plant))
     steps = scenario.duration / scenario.control_period
     if steps < 0.5 or abs(steps - round(steps)) > 1e-6:
         raise InputError(source, "duration", "must be a whole number of control periods", scenario.duration)

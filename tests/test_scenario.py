@@ -190,6 +190,7 @@ def test_a_scenario_made_in_python_with_numpy_comes_back_too(open_floor):
         ("name: wall", "name: pillar", "obstacles", "names that differ"),
         ("name: between", "name: below", "routes", "names that differ"),
         ("obstacles:", "robot: {model: tank.sdf}\nobstacles:", "robot.model", "must be an SDF file"),
+        ("obstacles:", "plant: wooden\nobstacles:", "plant", "one of kinematic, dynamic"),
         # Outside.
         ("start: {x: 0.0", "start: {x: -1.1", "start", "inside the workspace"),
         ("goal: {x: 3.0", "goal: {x: 4.1", "goal", "inside the workspace"),

@@ -1,0 +1,105 @@
+"""The robot as wheels that push and slip: a MultibodyPlant behind the ports of the kinematic robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.geometry import SceneGraph
+from pydrake.systems.framework import Context, DiscreteValues
+
+from drake_shared.motion import speeds_after
+from drake_shared.obstacles import Obstacle
+from drake_shared.robot_dynamics import RobotDynamics
+from drake_shared.scenario import Robot, Start
+from drake_shared.systems.diff_drive_plant import DiffDrivePlant
+
+# Of the contact solver, in [s].
+_LONGEST_STEP = 0.005
+
+
+class DynamicPlant(DiffDrivePlant):
+    """A robot on the wheels and caster of its SDF file, with friction, mass, and contact with obstacles.
+
+    .. pydrake_system::
+
+        name: DynamicPlant
+        input_ports:
+        - wheel_command
+        - geometry_query
+        output_ports:
+        - pose
+        - wheel_speed
+        - geometry_pose
+        - contact
+        - clearance
+
+    The ports are those of :class:`DiffDrivePlant`, with the same meaning: ``wheel_speed`` is that of the
+    joints, be it that the wheels slip; ``contact`` is 1 if the circular body was pressed against an obstacle
+    at the end of a step of the solver; a clearance below 0 is how far it was pressed in.
+
+    The state is discrete and moves once a period, by as many steps of a discrete MultibodyPlant (lagged
+    approximation, point contact) as keep each at 5 ms or less. The command is sampled once a period, so that
+    what depends on the pose is worked out no more often than with the kinematic plant; as a subsystem with a
+    rate of its own the MultibodyPlant would also drift from the control steps by rounding.
+    The speeds wished of the wheels ramp to the command as the kinematic robot's do, and a motor on each axle
+    follows with at most its joint's effort limit.
+
+    Args:
+        robot: Sizes and limits; its SDF file must have its wheels on joints left_axle and right_axle.
+        obstacles: What the body runs into.
+        start: Pose at the start; the default of the state.
+        period: Of the update, in [s].
+        scene_graph: If given, the robot's looks are registered there, and ``geometry_pose`` places them.
+
+    Raises:
+        InputError: The SDF file cannot be parsed, lacks the wheels, or has them where ``robot`` has not.
+    """
+
+    def __init__(
+        self,
+        *,
+        robot: Robot,
+        obstacles: Sequence[Obstacle] = (),
+        start: Start | None = None,
+        period: float = 0.05,
+        scene_graph: SceneGraph | None = None,
+    ) -> None:
+        super().__init__(robot=robot, start=start, period=period, scene_graph=scene_graph)
+        start = start or Start()
+        self._steps = math.ceil(period / _LONGEST_STEP - 1e-9)
+        self._dynamics = RobotDynamics(robot, obstacles, step=period / self._steps)
+        self._multibody_index = self.DeclareDiscreteState(
+            self._dynamics.standing(start.x, start.y, start.yaw)
+        )
+        self._wish_index = self.DeclareDiscreteState(2)
+
+    def set_pose(self, context: Context, pose: np.ndarray) -> None:
+        """Puts the robot at ``pose`` (3), [x, y, yaw] in [m, m, rad], at rest."""
+        super().set_pose(context, pose)
+        context.SetDiscreteState(
+            self._multibody_index, self._dynamics.standing(*np.asarray(pose, dtype=float))
+        )
+        context.SetDiscreteState(self._wish_index, np.zeros(2))
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        yaw = float(context.get_discrete_state(self._pose_index)[2])
+        left, right = context.get_discrete_state(self._wish_index).value().tolist()
+        told_left, told_right = self._command_port.Eval(context).tolist()
+        command = (self._possible(told_left), self._possible(told_right))
+        dynamics, step = self._dynamics, self._period / self._steps
+        dynamics.take_up(context.get_discrete_state(self._multibody_index).value())
+        contact = False
+        for index in range(self._steps):
+            # The speed in the middle of a step covers the way of the whole.
+            dynamics.step(speeds_after(self._robot, (left, right), command, (index + 0.5) * step))
+            contact = dynamics.touches() or contact
+        x, y, heading = dynamics.pose()
+        # Turns count on, as those of the kinematic robot do.
+        yaw += math.remainder(heading - yaw, 2 * math.pi)
+        state.set_value(self._pose_index, [x, y, yaw])
+        state.set_value(self._wheels_index, dynamics.wheel_speeds())
+        state.set_value(self._contact_index, [float(contact)])
+        state.set_value(self._multibody_index, dynamics.state())
+        state.set_value(self._wish_index, speeds_after(self._robot, (left, right), command, self._period))
