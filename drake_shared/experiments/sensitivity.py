@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from drake_shared.demonstrations import Demonstrations
 from drake_shared.engine import Task
 from drake_shared.experiments.drawing import COLOURS, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
-from drake_shared.experiments.setting import as_demonstrations, measured, run, train_all
+from drake_shared.experiments.setting import measured, run, train_all
 from drake_shared.experiments.statistics import Estimate, interval
 
 PRESETS = ("paper", "default")
@@ -24,65 +23,74 @@ _MEASURES = {
     "mean_human_weight": ("mean human weight", 1.0),
 }
 _STYLES = {"primary": "-", "unskilled": "--"}
-_GROUP = 2
+_GROUP = 5
 _TRIAL_SECONDS = 0.09
-_TRAINING_SECONDS = {"paper": 5.0, "default": 0.9}
+# Of a group, and of each in it.
+_TRAINING_SECONDS = {"paper": (8.0, 2.0), "default": (1.0, 0.6)}
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
-    """One for each preset and two learners; half as many learners as elsewhere."""
+    """One for each preset, number of demonstrations and five learners; half as many learners as elsewhere."""
     return [
         Task(
             "drake_shared.experiments.sensitivity:run_variants",
-            {"scenario": scenario, "preset": preset, "learners": learners, "trials": size.trials},
+            {
+                "scenario": scenario,
+                "preset": preset,
+                "learners": learners,
+                "count": count,
+                "factors": FACTORS if count == min(COUNTS) else (1.0,),
+                "trials": size.trials,
+            },
         )
         for preset in PRESETS
+        for count in COUNTS
         for learners in groups(_learners(size), _GROUP)
     ]
 
 
 def cost(task: Task) -> float:
     """Seconds of one core, roughly."""
-    learners, trials = len(task.arguments["learners"]), task.arguments["trials"]
-    variants = len(FACTORS) + len(COUNTS) - 1
-    training = 2.0 + len(COUNTS) * _TRAINING_SECONDS[task.arguments["preset"]]
-    return learners * (training + _TRIAL_SECONDS * trials * variants * len(OPERATORS))
+    told = task.arguments
+    together, each = _TRAINING_SECONDS[told["preset"]]
+    trials = told["trials"] * len(told["factors"]) * len(OPERATORS)
+    return together + len(told["learners"]) * (each + 0.05 * told["count"] + _TRIAL_SECONDS * trials)
 
 
-def run_variants(scenario: str | None, preset: str, learners: list[int], trials: int) -> list[dict[str, Any]]:
-    """Trials with learners of 3 demonstrations at every K, and of more at their own.
+def run_variants(
+    scenario: str | None, preset: str, learners: list[int], count: int, factors: list[float], trials: int
+) -> list[dict[str, Any]]:
+    """Trials with learners of so many demonstrations at multiples of their K.
 
     Args:
         scenario: File or name.
         preset: Of the learners.
         learners: Their indices; they fix demonstrations, trainings and trials.
-        trials: With each operator and variant.
+        count: Of demonstrations.
+        factors: Of the calibrated K.
+        trials: With each operator and factor.
     """
-    most = [taught(scenario, index, count=max(COUNTS)) for index in learners]
-    rows = []
-    for count in COUNTS:
-        trained = train_all([_first(scenario, one, count) for one in most], learners, preset=preset)
-        for index, learner in zip(learners, trained, strict=True):
-            for factor in FACTORS if count == min(COUNTS) else (1.0,):
-                rows += [
-                    measured(
-                        run(
-                            scenario,
-                            learner,
-                            confidence_gain=factor * learner.confidence_gain,
-                            **settings(scenario, operator, index, trial),
-                        ),
-                        preset=preset,
-                        operator=operator,
-                        learner=index,
-                        factor=factor,
-                        demonstrations=count,
-                        confidence_gain=factor * learner.confidence_gain,
-                    )
-                    for operator in OPERATORS
-                    for trial in range(trials)
-                ]
-    return rows
+    sets = [taught(scenario, index, count=count) for index in learners]
+    return [
+        measured(
+            run(
+                scenario,
+                learner,
+                confidence_gain=factor * learner.confidence_gain,
+                **settings(scenario, operator, index, trial),
+            ),
+            preset=preset,
+            operator=operator,
+            learner=index,
+            factor=factor,
+            demonstrations=count,
+            confidence_gain=factor * learner.confidence_gain,
+        )
+        for index, learner in zip(learners, train_all(sets, learners, preset=preset), strict=True)
+        for factor in factors
+        for operator in OPERATORS
+        for trial in range(trials)
+    ]
 
 
 def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
@@ -130,10 +138,6 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
 
 def _learners(size: Size) -> int:
     return max(2, size.learners // 2)
-
-
-def _first(scenario: str | None, demonstrations: Demonstrations, count: int) -> Demonstrations:
-    return as_demonstrations(scenario, list(demonstrations)[:count])
 
 
 def _estimate(rows: Sequence[Mapping[str, Any]], measure: str, **told: Any) -> Estimate:

@@ -28,7 +28,7 @@ _MEASURES = {
     "human_effort": ("human effort", "rad", 1.0, 1.0),
 }
 _LEAST, _TRIALS = 3, 6
-_ALONE_SECONDS, _ASSISTED_SECONDS, _TRAINING_SECONDS = 0.045, 0.095, 8.0
+_ALONE_SECONDS, _ASSISTED_SECONDS, _TRAINING_SECONDS = 0.045, 0.095, 12.0
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:

@@ -1,0 +1,84 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drake_shared.experiments import arbitration_compared, setting
+from drake_shared.experiments.section import Size
+from drake_shared.experiments.statistics import at_least, not_worse
+
+TINY = Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=2, trials=1)
+
+
+@pytest.fixture(scope="module")
+def results():
+    """Of two barely trained learners of each kind, one trial an arm, of the primary operator alone."""
+    brief = {
+        name: dataclasses.replace(one, iterations=20, restarts=0) for name, one in setting.STUDIED.items()
+    }
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(setting, "STUDIED", brief)
+        patch.setattr(arbitration_compared, "OPERATORS", ("primary",))
+        yield [task.run() for task in arbitration_compared.tasks(None, TINY)]
+
+
+def made_up(*, gain=0.2, mixture=0.0, disagreement=1.0, learners=20):
+    """Rows of trials in which sharing adds ``gain``, and the mixture ``mixture`` to that."""
+    rng = np.random.default_rng(0)
+    rows = []
+    for learner in range(learners):
+        for operator in arbitration_compared.OPERATORS:
+            base = 0.5 + 0.05 * rng.standard_normal()
+            for kind, arms in arbitration_compared._LEARNERS.items():
+                more = {"none": 0.0, "mixture": gain + mixture}.get(kind, gain)
+                for arm in arms:
+                    row = dict.fromkeys(arbitration_compared._MEASURES, base + more)
+                    row["disagreement_rate"] = 5.0 + rng.normal(0, 0.1)
+                    row["disagreement_rate"] -= disagreement * (kind == "mixture")
+                    rows.append(row | {"arm": arm, "kind": kind, "operator": operator, "learner": learner})
+    return rows
+
+
+def verdicts(rows):
+    found = [claim.verdict for claim in arbitration_compared.claims(rows)]
+    count = len(arbitration_compared.OPERATORS)
+    return set(found[:count]), set(found[count : 2 * count]), set(found[2 * count :])
+
+
+def test_arms_have_the_same_routes_and_seeds(results):
+    rows = [row for result in results for row in result]
+    arms = {(row["kind"], row["arm"]) for row in rows}
+    assert len(arms) == sum(map(len, arbitration_compared._LEARNERS.values()))
+    for learner in range(TINY.learners):
+        meant = {(row["route"], row["seed"]) for row in rows if row["learner"] == learner}
+        assert len(meant) == TINY.trials
+    assert len({row["seed"] for row in rows}) == TINY.learners * TINY.trials
+    weight = {row["arm"]: row["mean_human_weight"] for row in rows}
+    assert (weight["human"], weight["agent"], weight["halves"]) == (1.0, 0.0, 0.5)
+
+
+def test_a_task_says_the_same_again_and_the_report_follows(results):
+    assert str(arbitration_compared.tasks(None, TINY)[0].run()) == str(results[0])
+    rows = [{**row, "operator": "unskilled"} for result in results for row in result]
+    section = arbitration_compared.report(None, TINY, [*results, rows])
+    assert len(section.pictures) == len(section.tables) == 1
+    assert len(section.data["arbitration_compared"]) == 2 * len(rows)
+
+
+def test_claims_follow_the_rows():
+    assert verdicts(made_up()) == ({"holds"}, {"holds"}, {"holds"})
+    worse = made_up(gain=-0.2, mixture=-0.1, disagreement=-1.0)
+    assert verdicts(worse) == ({"reversed"}, {"reversed"}, {"reversed"})
+    assert verdicts(made_up(gain=0.05))[2] == {"equivalent"}
+
+
+def test_not_worse_and_at_least():
+    near = np.array([-1.0, 0.5, -0.5, 1.0, 0.0, 0.2])
+    assert not_worse("", near, margin=2.0, unit="").verdict == "holds"
+    assert not_worse("", near, margin=0.1, unit="").verdict == "open"
+    assert not_worse("", near - 5.0, margin=2.0, unit="").verdict == "reversed"
+    assert not_worse("", [3.0], margin=2.0, unit="").verdict == "open"
+    wide = 11.0 + 8.0 * near
+    assert at_least("", wide, least=10.0, unit="").verdict == "holds"
+    assert at_least("", wide - 3.0, least=10.0, unit="").verdict == "open"
+    assert at_least("", -2.0 * wide, least=10.0, unit="").verdict == "reversed"
