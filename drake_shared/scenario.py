@@ -331,8 +331,6 @@ def _check_sizes(scenario: Scenario, source) -> None:
         raise InputError(
             source, "control_period", f"must leave at most {MOST_STEPS} steps", scenario.control_period
         )
-    if scenario.travel_time > scenario.duration:
-        raise InputError(source, "travel_time", "must be at most the duration", scenario.travel_time)
     if not robot.model_path().is_file():
         raise InputError(
             source, "robot.model", "must be an SDF file or one of models/robots", repr(robot.model)

@@ -184,7 +184,6 @@ def test_a_scenario_made_in_python_with_numpy_comes_back_too(open_floor):
         ("obstacles:", "robot: {max_acceleration: 0.0}\nobstacles:", "robot.max_acceleration", "positive"),
         ("obstacles:", "travel_time: 0.0\nobstacles:", "travel_time", "positive"),
         ("control_period: 0.05", "control_period: 1.0e-9", "control_period", "at most"),
-        ("obstacles:", "travel_time: 15.5\nobstacles:", "travel_time", "at most the duration"),
         ("x_max: 4.0", "x_max: -4.0", "workspace's width", "positive"),
         ("y_max: 1.5", "y_max: -1.5", "workspace's height", "positive"),
         ("name: wall", "name: pillar", "obstacles", "names that differ"),
