@@ -15,6 +15,7 @@ from drake_shared.arbitration import DEFAULT
 from drake_shared.authority import Authority
 from drake_shared.behaviour import Behaviour
 from drake_shared.errors import InputError
+from drake_shared.faults import Faults
 from drake_shared.learners import load_learner
 from drake_shared.metrics import metrics
 from drake_shared.operators import changes_of_route
@@ -42,6 +43,7 @@ class Batch:
         confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
         end: "reached" or "duration".
         safety_clearance: Kept by a safety filter, in [m]; without one if None.
+        faults: What goes wrong on purpose.
         out: Folder for the logs; none are written if None.
     """
 
@@ -58,6 +60,7 @@ class Batch:
     confidence_gain: float | None = None
     end: str = "reached"
     safety_clearance: float | None = None
+    faults: Faults | None = None
     out: str | None = None
 
     def __post_init__(self) -> None:
@@ -120,6 +123,7 @@ class _Runner:
             arbiter=batch.arbitration,
             authority=batch.authority,
             safety_clearance=batch.safety_clearance,
+            faults=batch.faults,
         )
 
     def run(self, index: int) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from drake_shared.authority import Authority
 from drake_shared.demonstrations import LOG_FORMAT, METADATA_KEY
 from drake_shared.diagram import LOG_COLUMNS, AddSharedControl
 from drake_shared.errors import InputError
+from drake_shared.faults import Faults
 from drake_shared.files import replacing
 from drake_shared.learners import Learner
 from drake_shared.scenario import Goal, Scenario
@@ -119,6 +120,7 @@ class Simulation:
             :func:`drake_shared.diagram.MakeSharedControlDiagram`.
         look_ahead: Of the agent's controller, in [s].
         safety_clearance: Kept by a safety filter, in [m]; without one if None.
+        faults: What goes wrong on purpose.
         meshcat: Shows the trials, if given.
 
     Raises:
@@ -135,6 +137,7 @@ class Simulation:
         authority: Authority | bool | None = None,
         look_ahead: float = 0.6,
         safety_clearance: float | None = None,
+        faults: Faults | None = None,
         meshcat: Meshcat | None = None,
     ) -> None:
         # A second thread for products this small costs up to twenty times what it saves, and changes bits.
@@ -145,6 +148,7 @@ class Simulation:
         self.scenario_as_data = dataclasses.asdict(scenario)
         self.look_ahead = look_ahead
         self.safety_clearance = safety_clearance
+        self.faults = faults
         builder = DiagramBuilder()
         self.parts = AddSharedControl(
             builder,
@@ -155,6 +159,7 @@ class Simulation:
             authority=authority,
             look_ahead=look_ahead,
             safety_clearance=safety_clearance,
+            faults=faults,
             meshcat=meshcat,
         )
         self.diagram = builder.Build()
@@ -291,6 +296,8 @@ class RunningTrial:
         }
         if self.simulation.safety_clearance is not None:
             described["safety_clearance"] = self.simulation.safety_clearance
+        if self.simulation.faults is not None:
+            described["faults"] = self.simulation.faults.to_json()
         if isinstance(operator, SurrogateOperator):
             described["behaviour"] = dataclasses.asdict(settings.behaviour)
         return described

@@ -45,6 +45,10 @@ class Simulate:
     """End at the goal, or always at T."""
     safety: float | None = None
     """Clearance that a safety filter keeps to every obstacle, in m; no filter without it."""
+    fault: str | None = None
+    """What goes wrong, as NAME=VALUE,...: delay, jitter (s), loss, freeze_time, freeze (s) and human_nan of
+    the human's command; pose_noise, pose_drift (m), yaw_noise (rad) and pose_nan of the pose; slip of the
+    wheels; late_learner (s) and learner_nan. What is no length or time is a share, from 0 to 1."""
     behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
     workers: int = 1
     """Processes; the results do not depend on it."""
@@ -59,6 +63,7 @@ class Simulate:
 
         from drake_shared.authority import parse_authority
         from drake_shared.batch import Batch, run_batch
+        from drake_shared.faults import parse_faults
         from drake_shared.metrics import summarize
         from drake_shared.scenario import load_scenario
         from drake_shared.systems.safety_filter import check_clearance
@@ -71,6 +76,10 @@ class Simulate:
         behaviour, switching, recording = self._operator(scenario)
         if self.safety is not None:
             check_clearance(self.safety, source="simulate")
+        faults = None if self.fault is None else parse_faults(self.fault)
+        if faults is not None:
+            alone = self.arbitration if self.arbitration in ("human", "agent") else self.mode
+            faults.check(mode=alone, duration=scenario.duration)
         model = self._model(scenario)
         if self.out is not None:
             check_writable(self.out)
@@ -88,6 +97,7 @@ class Simulate:
             confidence_gain=self.confidence_gain,
             end=self.end,
             safety_clearance=self.safety,
+            faults=faults,
             out=None if self.out is None else str(self.out),
         )
         rows = list(
