@@ -24,6 +24,7 @@ from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.dynamic_plant import DynamicPlant
 from drake_shared.systems.intention_estimator import IntentionEstimator
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
+from drake_shared.systems.moving_obstacles import AddMovingObstacles
 from drake_shared.systems.safety_filter import SafetyFilter
 from drake_shared.systems.surrogate_operator import SurrogateOperator
 from drake_shared.systems.waypoint_controller import WaypointController
@@ -90,7 +91,8 @@ def AddSharedControl(
     learner = learner or NoLearner(scenario.duration)
 
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-    register_obstacles(scene_graph, scenario.obstacles)
+    register_obstacles(scene_graph, scenario.standing)
+    AddMovingObstacles(builder, scene_graph, scenario.obstacles)
     operator = builder.AddNamedSystem("operator", operator)
     estimator = builder.AddNamedSystem(
         "intention_estimator", IntentionEstimator(learner=learner, robot=scenario.robot, period=period)
@@ -217,7 +219,10 @@ def AddSharedControl(
 def _plant(scenario: Scenario, scene_graph: SceneGraph | None) -> DiffDrivePlant:
     robot, start, period = scenario.robot, scenario.start, scenario.control_period
     if scenario.plant == "kinematic":
-        return DiffDrivePlant(robot=robot, start=start, period=period, scene_graph=scene_graph)
+        moving = any(item.path for item in scenario.obstacles)
+        return DiffDrivePlant(
+            robot=robot, start=start, period=period, scene_graph=scene_graph, obstacles_move=moving
+        )
     return DynamicPlant(
         robot=robot, obstacles=scenario.obstacles, start=start, period=period, scene_graph=scene_graph
     )

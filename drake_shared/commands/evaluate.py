@@ -107,7 +107,7 @@ def _ways(scenario, learner) -> dict[str, int]:
 
     ways: dict[str, int] = {}
     for index, path in enumerate(() if learner.demonstrations is None else learner.demonstrations):
-        sides = {item.name: passing_side(path, (item.x, item.y)) for item in scenario.obstacles}
+        sides = {item.name: passing_side(path, (item.x, item.y)) for item in scenario.standing}
         for route in scenario.routes:
             if route.sides == sides:
                 ways.setdefault(route.name, index)
