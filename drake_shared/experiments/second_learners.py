@@ -16,6 +16,7 @@ from drake_shared.experiments.drawing import COLOURS, new_figure
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
 from drake_shared.experiments.setting import (
+    TRIAL_COST,
     as_demonstrations,
     drives,
     measured,
@@ -95,7 +96,7 @@ def cost(task: Task) -> float:
     trials = 9 + given["trials"] * len(given["arms"]) * len(given["setups"])
     training = training_cost(given["preset"], repeats)
     training += training_cost(given["preset"], repeats * weightings * len(given["setups"]))
-    return training + 0.09 * trials * repeats
+    return training + TRIAL_COST * trials * repeats
 
 
 def run_repeats(

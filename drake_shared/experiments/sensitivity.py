@@ -10,7 +10,14 @@ from drake_shared.experiments.drawing import COLOURS, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
-from drake_shared.experiments.setting import measured, run, train_all
+from drake_shared.experiments.setting import (
+    ALONE_COST,
+    TRIAL_COST,
+    measured,
+    run,
+    train_all,
+    training_cost,
+)
 from drake_shared.experiments.statistics import Estimate, interval
 
 PRESETS = ("paper", "default")
@@ -24,9 +31,6 @@ _MEASURES = {
 }
 _STYLES = {"primary": "-", "unskilled": "--"}
 _GROUP = 5
-_TRIAL_SECONDS = 0.09
-# Of a group, and of each in it.
-_TRAINING_SECONDS = {"paper": (8.0, 2.0), "default": (1.0, 0.6)}
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
@@ -52,9 +56,10 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
 def cost(task: Task) -> float:
     """Seconds of one core, roughly."""
     told = task.arguments
-    together, each = _TRAINING_SECONDS[told["preset"]]
     trials = told["trials"] * len(told["factors"]) * len(OPERATORS)
-    return together + len(told["learners"]) * (each + 0.05 * told["count"] + _TRIAL_SECONDS * trials)
+    learners = len(told["learners"])
+    training = training_cost(told["preset"], learners)
+    return training + learners * (ALONE_COST * told["count"] + TRIAL_COST * trials)
 
 
 def run_variants(
