@@ -12,6 +12,7 @@ import tyro
 from drake_shared.commands.benchmark import Benchmark
 from drake_shared.commands.drive import Drive
 from drake_shared.commands.evaluate import Evaluate
+from drake_shared.commands.lineage import Lineage
 from drake_shared.commands.replay import Replay
 from drake_shared.commands.simulate import Simulate
 from drake_shared.commands.teach import Teach
@@ -24,6 +25,7 @@ Command = (
     | Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Lineage, tyro.conf.subcommand("lineage")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[Benchmark, tyro.conf.subcommand("benchmark")]
 )
