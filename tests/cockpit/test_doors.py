@@ -135,7 +135,7 @@ def test_drakes_own_port_is_reached_from_this_computer_alone(meshcat):
     assert is_loopback(address.hostname)
     socket.create_connection((address.hostname, address.port), timeout=5.0).close()
     for other in other_addresses():
-        with pytest.raises(OSError, match="refused|unreachable"):
+        with pytest.raises(OSError, match=r"refused|unreachable"):
             socket.create_connection((other, address.port), timeout=5.0)
 
 
