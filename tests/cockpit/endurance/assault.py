@@ -35,7 +35,7 @@ def run(seconds: float, names: list[str]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as logs:
         served = Served(Path(logs))
         try:
-            _attack(served, "nothing", _WARM_UP)
+            _attack(served, "nothing", min(_WARM_UP, seconds))
             results = {name: _attack(served, name, seconds) for name in names if served.runs}
         finally:
             errors = served.stop()
@@ -48,7 +48,7 @@ def _attack(served: Served, name: str, seconds: float) -> dict[str, Any]:
     before = served.memory()
     # The driver is there a little longer than the assault, so that all of it falls on a drive.
     commands = [
-        [sys.executable, str(_HERE / "driver.py"), served.address, str(seconds + 1.0)],
+        [sys.executable, str(_HERE / "driver.py"), served.address, str(seconds + 0.5)],
         [sys.executable, str(_HERE / "attacks.py"), name, served.address, str(seconds)],
     ]
     with MemoryWatch(served) as memory:
