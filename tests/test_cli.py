@@ -181,6 +181,8 @@ ALONE = ("simulate", "--mode", "human")
         (("fit-operator", "{log}", "{text}"), "{text} cannot be read as a log"),
         (("drive", "--scenario", "none"), "none must be a scenario file"),
         (("drive", "--model", "none"), "none must be a file"),
+        (("drive", "--safety", "5"), "must be from 0.001 to 1 m"),
+        (("drive", "--authority", "floor=2"), "must be from 0 to 1"),
     ],
 )
 def test_bad_input_is_status_2_and_one_line_that_names_it(cli, log, tmp_path, arguments, said):
