@@ -55,7 +55,7 @@ def test_one_point_missed_speaks_against_the_claim(missed, verdict):
     claims = weighting._claims(made_up(missed=missed))
     assert [claim.verdict for claim in claims[:3]] == ["holds"] * 3
     assert claims[3].verdict == verdict
-    assert claims[3].estimate.mean == pytest.approx(0.05 - missed / 3)
+    assert claims[3].estimate.mean == pytest.approx(0.05 - missed / 6)
 
 
 def test_a_tiny_run_gives_the_same_rows_again_and_a_section(monkeypatch):
