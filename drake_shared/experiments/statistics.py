@@ -39,7 +39,7 @@ class Difference:
     Attributes:
         estimate: Of the mean difference, at the level asked for.
         effect: Mean over standard deviation of the differences (Cohen's d_z); 0 where all are 0, infinite
-            where all are one other number.
+            where all are one other number, NaN where there are fewer than two.
         p: Of the Wilcoxon signed-rank test; 1 where all differences are 0.
     """
 
@@ -95,20 +95,43 @@ def interval(values: ArrayLike, *, level: float = 0.95, seed: int = 0) -> Estima
 
 
 def paired(one: ArrayLike, other: ArrayLike, *, level: float = 0.95, seed: int = 0) -> Difference:
-    """How much larger ``one`` (n,) is than ``other`` (n,), pair by pair; pairs with NaN do not count."""
-    differences = np.asarray(one, dtype=float) - np.asarray(other, dtype=float)
-    differences = differences[np.isfinite(differences)]
+    """How much larger ``one`` (n,) is than ``other`` (n,), pair by pair; pairs with NaN do not count.
+
+    Raises:
+        ValueError: They are not of one length.
+    """
+    first, second = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
+    if first.shape != second.shape:
+        raise ValueError(f"pairs need as many of one as of the other, got {first.shape} and {second.shape}")
+    kept = np.isfinite(first - second)
+    first, second = first[kept], second[kept]
+    differences = first - second
+    # What is left of a difference by rounding alone is no spread.
+    rounding = (
+        8.0 * np.finfo(float).eps * max(np.abs(first).max(initial=0.0), np.abs(second).max(initial=0.0))
+    )
+    if differences.size and np.ptp(differences) <= rounding:
+        differences = np.full_like(differences, np.median(differences))
     estimate = interval(differences, level=level, seed=seed)
-    if not differences.any():
-        return Difference(estimate=estimate, effect=0.0, p=1.0)
-    spread = float(differences.std(ddof=1)) if differences.size > 1 else 0.0
-    effect = estimate.mean / spread if spread > 0.0 else math.copysign(math.inf, estimate.mean)
-    return Difference(estimate=estimate, effect=effect, p=float(stats.wilcoxon(differences).pvalue))
+    return Difference(estimate=estimate, effect=_effect(differences), p=_signed_rank(differences))
+
+
+def _effect(differences: np.ndarray) -> float:
+    if differences.size < 2:
+        return math.nan
+    mean = float(differences.mean())
+    if np.ptp(differences) == 0.0:
+        return math.copysign(math.inf, mean) if mean else 0.0
+    return mean / float(differences.std(ddof=1))
+
+
+def _signed_rank(differences: np.ndarray) -> float:
+    return float(stats.wilcoxon(differences).pvalue) if differences.any() else 1.0
 
 
 def holm(p: Sequence[float]) -> list[float]:
     """Holm's adjusted p-values: the chance of one false rejection among all is at most that level."""
-    order = np.argsort(p)
+    order = np.argsort(p, kind="stable")
     adjusted = np.empty(len(p))
     worst = 0.0
     for rank, index in enumerate(order):
@@ -118,10 +141,18 @@ def holm(p: Sequence[float]) -> list[float]:
 
 
 def holm_levels(p: Sequence[float], *, level: float = 0.95) -> list[float]:
-    """The level of each question's interval that goes with `holm`: 1 - alpha / (m - rank)."""
+    """The level of each question's interval that goes with `holm`: 1 - alpha / (m - rank).
+
+    Holm's method ends at the first question that it cannot decide. That one's level is the level of all that
+    come after it; with less, their intervals could leave 0 out where their adjusted p is above alpha.
+    """
     levels = np.empty(len(p))
-    for rank, index in enumerate(np.argsort(p)):
-        levels[index] = 1.0 - (1.0 - level) / (len(p) - rank)
+    share, ended = 1.0 - level, False
+    for rank, index in enumerate(np.argsort(p, kind="stable")):
+        if not ended:
+            share = (1.0 - level) / (len(p) - rank)
+            ended = p[index] > share
+        levels[index] = 1.0 - share
     return levels.tolist()
 
 
