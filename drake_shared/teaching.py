@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.errors import RunError
 from drake_shared.scenario import Scenario, clearance_scorer
@@ -10,14 +12,20 @@ from drake_shared.trial import Simulation, Trial, TrialSettings
 
 
 def demonstration_of(trial: Trial, *, score: float) -> Demonstration:
-    """The way driven in a trial, as a demonstration with ``score``."""
+    """The way driven in a trial, as a demonstration with ``score``.
+
+    Its provenance tells the share of it that autonomy made, "autonomy": the mean of 1 - w over the steps.
+    """
     told = ("operator", "route", "seed", "mode", "learner_id", "status")
     return Demonstration(
         times=trial["t"],
         positions=trial.positions,
         yaws=trial["yaw"],
         score=score,
-        provenance={name: trial.metadata[name] for name in told if name in trial.metadata},
+        provenance={
+            **{name: trial.metadata[name] for name in told if name in trial.metadata},
+            "autonomy": float(np.mean(1.0 - trial["human_weight"][:-1])),
+        },
     )
 
 
