@@ -220,7 +220,7 @@ def test_simulate_takes_an_operator_by_name(cli, tmp_path):
     assert status == 0
     told = read_log(json.loads(out)["trials"][0]["log"]).metadata
     assert (told["operator"], told["behaviour"]["pause"]) == ("SurrogateOperator", 2.0)
-    status, out, _ = cli(*ALONE, "--operator", "switching", "--json", "--out", tmp_path)
+    status, out, _ = cli(*ALONE, "--operator", "switching", "--json", "--out", tmp_path / "other")
     assert status == 0
     assert read_log(json.loads(out)["trials"][0]["log"]).metadata["then"] == "left_left"
 

@@ -11,7 +11,6 @@ import tyro
 from drake_shared.behaviour import Behaviour
 from drake_shared.commands.common import open_learner, print_json, say
 from drake_shared.errors import InputError
-from drake_shared.files import check_writable
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -54,6 +53,10 @@ class Simulate:
     """Processes; the results do not depend on it."""
     out: Path | None = None
     """Folder for the logs; none are kept without it."""
+    resume: bool = False
+    """Take the trials whose logs are in the folder from there, and run the others."""
+    force: bool = False
+    """Begin anew in place of the logs that are in the folder."""
     json: bool = False
     """Print everything as one JSON object."""
 
@@ -81,8 +84,6 @@ class Simulate:
             alone = self.arbitration if self.arbitration in ("human", "agent") else self.mode
             faults.check(mode=alone, duration=scenario.duration)
         model = self._model(scenario)
-        if self.out is not None:
-            check_writable(self.out)
         batch = Batch(
             scenario=self.scenario,
             model=None if model is None else str(model),
@@ -100,9 +101,8 @@ class Simulate:
             faults=faults,
             out=None if self.out is None else str(self.out),
         )
-        rows = list(
-            tqdm(run_batch(batch, workers=self.workers), total=self.trials, unit="trial", disable=None)
-        )
+        ran = run_batch(batch, workers=self.workers, resume=self.resume, force=self.force)
+        rows = list(tqdm(ran, total=self.trials, unit="trial", disable=None))
         measured = [{k: v for k, v in row.items() if k not in ("seed", "route", "log")} for row in rows]
         summary = summarize(measured)
         if self.json:
