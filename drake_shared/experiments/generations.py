@@ -161,16 +161,16 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
         "routes, seeds and all. So shared against frozen tells what the whole loop does, and shared against "
         "human what sharing does to it beyond more data. The operator is one who fails alone now and "
         "then: with one who never does no harm to success could be seen.",
-        f"{' and '.join(counts)}, {size.trials} trials with each learner. Intervals are 95% by bootstrap over "
-        "repeats; those of the claims are wider, for both presets and all measures of a kind. The calibration "
-        "error compares the confidence with how often the expected way was the operator's; sure and wrong is "
-        "a confidence above 0.8 in another way. The share of data that autonomy made is the mean of 1 − w "
+        f"{' and '.join(counts)}, {size.trials} trials with each learner. Intervals are 95% by bootstrap "
+        "over repeats; those of the claims are wider, for both presets and all measures of a kind. The "
+        "calibration error compares the confidence with how often the expected way was the operator's; sure "
+        "and wrong is a confidence above 0.8 in another way. The share of data that autonomy made is the mean of 1 − w "
         "over the training runs.",
         _outcome(rows, last),
         "A run is added only if it reached the goal without contact, else it is driven again with another "
         "seed: the worst of what a learner does is never fed back. A run that went another way than was "
-        "meant is added as well. The base demonstrations are a steadier operator's than all that is added, so "
-        "that the data of both arms become less alike with each generation.",
+        "meant is added as well. The base demonstrations are a steadier operator's than all that is added, "
+        "so that the data of both arms become less alike with each generation.",
     ]
     if failed:
         text.append(
