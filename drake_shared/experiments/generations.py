@@ -164,8 +164,8 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
         f"{' and '.join(counts)}, {size.trials} trials with each learner. Intervals are 95% by bootstrap "
         "over repeats; those of the claims are wider, for both presets and all measures of a kind. The "
         "calibration error compares the confidence with how often the expected way was the operator's; sure "
-        "and wrong is a confidence above 0.8 in another way. The share of data that autonomy made is the mean of 1 − w "
-        "over the training runs.",
+        "and wrong is a confidence above 0.8 in another way. The share of data that autonomy made is the "
+        "mean of 1 − w over the training runs.",
         _outcome(rows, last),
         "A run is added only if it reached the goal without contact, else it is driven again with another "
         "seed: the worst of what a learner does is never fed back. A run that went another way than was "

@@ -250,7 +250,8 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
             "In every arm the routes and seeds are the same: the human alone, shared control in which the "
             "human is kept in charge (with authority: usual with preset default), and the blend of eq. (2) "
             "by itself (without: usual with preset paper). Intervals are 95% bootstrap over "
-            "learners; those of claims are adjusted for the number of cases, and take the trials of both operators together.",
+            "learners; those of claims are adjusted for the number of cases, and take the trials of both "
+            "operators together.",
             "Time until w, the human's weight, is back above 0.5 counts from the moment at which the "
             "misprediction begins to matter: the robot comes to where the operator's route is more than "
             f"{number(_PARTED)} m from every route taught; the operator changes; the robot is within "

@@ -34,7 +34,10 @@ _GROUP = 5
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
-    """One for each preset, number of demonstrations and five learners; half as many learners as elsewhere."""
+    """One for each preset, number of demonstrations and five learners; half as many learners as elsewhere.
+
+    A quick run takes the fewest and the most demonstrations alone.
+    """
     return [
         Task(
             "drake_shared.experiments.sensitivity:run_variants",
@@ -48,9 +51,13 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
             },
         )
         for preset in PRESETS
-        for count in COUNTS
+        for count in _counts(size)
         for learners in groups(_learners(size), _GROUP)
     ]
+
+
+def _counts(size: Size) -> tuple[int, ...]:
+    return COUNTS if size.all_arms else (COUNTS[0], COUNTS[-1])
 
 
 def cost(task: Task) -> float:
@@ -101,14 +108,15 @@ def run_variants(
 def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
     """Curves over K and over demonstrations, with their numbers."""
     rows = [row for result in results for row in result]
-    by_gain = {"demonstrations": min(COUNTS)}
+    counts = _counts(size)
+    by_gain = {"demonstrations": min(counts)}
     by_count = {"factor": 1.0}
     return Section(
         title="Sensitivity to K and to the number of demonstrations",
         text=[
             "K of eq. (1) turns a variance into a confidence, and training calibrates it. Here learners of "
-            f"{min(COUNTS)} demonstrations take part with {number(FACTORS[0])} to {number(FACTORS[-1])} "
-            f"times that K, and others are taught {', '.join(str(count) for count in COUNTS)} "
+            f"{min(counts)} demonstrations take part with {number(FACTORS[0])} to {number(FACTORS[-1])} "
+            f"times that K, and others are taught {', '.join(str(count) for count in counts)} "
             "demonstrations, routes in turn, each set holding the smaller ones.",
             f"{_learners(size)} learners of each preset and {size.trials} trials with each of the simulated "
             f"operators {' and '.join(OPERATORS)}; learners, routes and seeds are the same along each curve. "
@@ -118,7 +126,7 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
             + "; ".join(_changes(rows, "factor", FACTORS, by_gain, "from the least K to the largest"))
             + "; "
             + "; ".join(
-                _changes(rows, "demonstrations", COUNTS, by_count, "from the fewest demonstrations to most")
+                _changes(rows, "demonstrations", counts, by_count, "from the fewest demonstrations to most")
             )
             + ".",
         ],
@@ -129,13 +137,13 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
                 "a less confident agent.",
             ),
             Picture.of(
-                _curves(rows, "demonstrations", COUNTS, by_count, "demonstrations"),
+                _curves(rows, "demonstrations", counts, by_count, "demonstrations"),
                 "The same over the number of demonstrations, at the calibrated K.",
             ),
         ],
         tables=[
             _table(rows, "factor", FACTORS, by_gain, "K / calibrated K"),
-            _table(rows, "demonstrations", COUNTS, by_count, "demonstrations"),
+            _table(rows, "demonstrations", counts, by_count, "demonstrations"),
         ],
         data={"sensitivity": rows},
     )

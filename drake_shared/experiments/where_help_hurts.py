@@ -34,7 +34,7 @@ _MEASURES = {
     "intent_success": ("intent success", "points", 100.0, -1.0),
     "human_effort": ("human effort", "rad", 1.0, 1.0),
 }
-_LEAST, _TRIALS = 3, 6
+_LEAST, _TRIALS = 2, 6
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
