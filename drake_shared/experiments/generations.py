@@ -147,7 +147,10 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
     failed = [row for row in rows if "failed" in row]
     rows = [row for row in rows if "failed" not in row]
     last = max((row["generation"] for row in rows), default=0)
-    counts = [len(_values(rows, "intent_success", preset, "frozen", 0)) for preset in PRESETS]
+    counts = [
+        f"{len(_values(rows, 'intent_success', preset, 'frozen', 0))} repeats of preset {preset}"
+        for preset in PRESETS
+    ]
     routes = len(scenario_of(scenario).routes)
     text = [
         f"A learner of {routes} demonstrations by the primary operator is generation 0. In each of {last} "
@@ -156,17 +159,18 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
         "noise seeds. A new learner is taught all data so far, each run weighted by its own clearance, and K "
         "is calibrated anew. The frozen learner stays as it is: it is generation 0 in the same trials, "
         "routes, seeds and all. So shared against frozen tells what the whole loop does, and shared against "
-        "human what sharing does to it beyond more data. The operator is the one who fails alone now and "
-        "then: with the primary one hardly any trial fails, and no harm could be seen.",
-        f"{' and '.join(map(str, counts))} repeats (presets {' and '.join(PRESETS)}), {size.trials} trials "
-        "with each learner. Intervals are 95% by bootstrap over repeats; those of the claims are wider, for "
-        "both presets and all measures of a kind. The calibration error compares the confidence with how "
-        "often the expected way was the operator's; sure and wrong is a confidence above 0.8 in another way. "
-        "The share of data that autonomy made is the mean of 1 − w over the training runs.",
+        "human what sharing does to it beyond more data. The operator is one who fails alone now and "
+        "then: with one who never does no harm to success could be seen.",
+        f"{' and '.join(counts)}, {size.trials} trials with each learner. Intervals are 95% by bootstrap "
+        "over repeats; those of the claims are wider, for both presets and all measures of a kind. The "
+        "calibration error compares the confidence with how often the expected way was the operator's; sure "
+        "and wrong is a confidence above 0.8 in another way. The share of data that autonomy made is the "
+        "mean of 1 − w over the training runs.",
         _outcome(rows, last),
         "A run is added only if it reached the goal without contact, else it is driven again with another "
         "seed: the worst of what a learner does is never fed back. A run that went another way than was "
-        "meant is added as well.",
+        "meant is added as well. The base demonstrations are a steadier operator's than all that is added: "
+        "in both fed arms the share of unsteady driving grows.",
     ]
     if failed:
         text.append(
