@@ -198,6 +198,7 @@ class Simulation:
             "scenario": self.scenario_as_data,
             "learner": None if learner is None else learner.name,
             "learner_id": None if learner is None else learner.metadata.get("id"),
+            "learner_file": None if learner is None else learner.metadata.get("file"),
             "preset": None if learner is None else learner.preset,
             "operator": type(operator).__name__,
             "mode": self.mode_of(settings),

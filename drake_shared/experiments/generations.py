@@ -169,8 +169,8 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
         _outcome(rows, last),
         "A run is added only if it reached the goal without contact, else it is driven again with another "
         "seed: the worst of what a learner does is never fed back. A run that went another way than was "
-        "meant is added as well. The base demonstrations are a steadier operator's than all that is added, "
-        "so that the data of both arms become less alike with each generation.",
+        "meant is added as well. The base demonstrations are a steadier operator's than all that is added: "
+        "in both fed arms the share of unsteady driving grows.",
     ]
     if failed:
         text.append(
