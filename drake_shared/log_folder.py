@@ -58,7 +58,7 @@ def open_log_folder(
                 "must hold no logs of simulated trials: give --resume to go on with those that are there, "
                 "--force to begin anew in their place, or another folder",
             )
-        # The names are as old as their processes: whoever goes on here has given those up.
+        # Left by processes that were killed: whoever begins or goes on here has given them up.
         remains = [name for name in names if _HALF_WRITTEN.fullmatch(name)]
         for name in [*remains, *(found if force else ())]:
             (Path(folder) / name).unlink(missing_ok=True)

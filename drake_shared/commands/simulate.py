@@ -110,7 +110,11 @@ class Simulate:
         else:
             print_summary(summary, len(rows))
         if self.out is not None:
-            say(f"wrote {len(rows)} logs to {self.out}")
+            say(
+                f"{len(rows)} logs are in {self.out}"
+                if self.resume
+                else f"wrote {len(rows)} logs to {self.out}"
+            )
 
     def _operator(self, scenario) -> tuple[Behaviour, bool, str | None]:
         """Behaviour, whether the route changes half-way, and the log to play back, if any."""
