@@ -60,6 +60,8 @@ TRIALS = 10
 _ADDED = 3
 _SEED, _STRIDE = 2_000_000, 100
 _BASE, _RUNS, _MORE, _TRIED = 0, 10, 30, 50
+# With fewer repeats a bootstrap interval of 95% covers less than some 93%.
+_FEW = 20
 # Repeats in a task, and operators that share its first learners: what is trained side by side.
 _PRIMARY_GROUP, _OTHER_GROUP, _OPERATORS = 10, 5, 5
 
@@ -244,6 +246,21 @@ def _text(
     text += [
         _said(preset, answers) for preset in PRESETS if any(one.cell.preset == preset for one in answers)
     ]
+    asked = [one for one in answers if one.cell.is_primary and one.against == "human"]
+    asked = [one for one in asked if one.estimate.count > 1]
+    fewest = min((one.estimate.count for one in asked), default=_FEW)
+    if fewest < _FEW:
+        text.append(
+            f"With {fewest} repeats intervals by bootstrap are too narrow: this run gives a hint, and "
+            "a verdict counts only where the adjusted p agrees."
+        )
+    same = sorted({named(one.measure) for one in asked if not one.differences.any()})
+    if same:
+        text.append(
+            f"No repeat differed in {', '.join(same)} with one preset or both. An interval without width "
+            "says that differences are rare, not that there are none: by the rule of three up to "
+            f"{min(1.0, 3.0 / fewest):.0%} of repeats may have one."
+        )
     if size.all_arms:
         text.append(
             "The control adds three more of the base demonstrations, with other seeds, to the primary "

@@ -220,7 +220,9 @@ def test_the_verdict_follows_from_the_rows(shift, said):
     assert [claim.verdict for claim in claims] == [said] * 2
     assert all(claim.estimate.count == QUICK.repeats for claim in claims)
     assert sum(f": {said}" in paragraph for paragraph in section.text) == 2
-    # Nothing differs in the weight.
+    assert any(paragraph.startswith("With 10 repeats intervals") for paragraph in section.text)
+    # Nothing differs in the weight, which ten repeats do not prove.
+    assert any("mean human weight" in text and "up to 30% of repeats" in text for text in section.text)
     assert [claim.verdict for claim in claims_of(section, "mean human weight")] == ["equivalent"] * 2
 
 
