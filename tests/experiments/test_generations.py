@@ -42,6 +42,7 @@ def made_up(*, loss=0.0, error=0.0, gap=0.0):
             "mean_human_weight": 0.5,
             "expected_calibration_error": 0.1 + error * (arm == "shared") * generation,
             "confident_and_wrong": 0.0,
+            "stalled": False,
             "autonomy_share": 0.25 if arm == "shared" else 0.0,
         }
         for preset in generations.PRESETS
@@ -84,20 +85,22 @@ def test_the_same_task_gives_the_same_rows(brief, results):
     assert generations.run_repeats(None, "default", [0, 1], 1, 1) == results[1]
 
 
-def test_a_repeat_whose_operator_cannot_go_on_is_told_and_left_out(brief, monkeypatch):
-    def drives(*arguments, seed, learner=None, **others):
-        if learner is not None and seed >= generations._seed(1):
+def test_a_loop_in_which_the_operator_cannot_go_on_stands_still_and_counts(brief, monkeypatch):
+    def drives(*arguments, learner=None, **others):
+        if learner is not None:
             raise RunError("stuck")
-        return setting.drives(*arguments, seed=seed, learner=learner, **others)
+        return setting.drives(*arguments, **others)
 
     monkeypatch.setattr(generations, "drives", drives)
-    rows = generations.run_repeats(None, "default", [0, 1], 1, 1)
-    assert [row["repeat"] for row in rows] == [0] * 6 + [1]
-    assert rows[-1]["failed"] == "stuck"
-    text = " ".join(generations.report(None, TINY, [made_up(), rows]).text)
+    rows = generations.run_repeats(None, "default", [0], 1, 1)
+    assert [row["stalled"] for row in rows] == [False] * 3 + [row["arm"] == "shared" for row in rows[3:]]
+    last = {row["arm"]: row for row in rows[3:]}
+    assert last["shared"] == last["frozen"] | {"arm": "shared", "stalled": True}
+    assert last["human"]["demonstrations"] == 6
+    made = [row for row in made_up() if row["preset"] == "paper"]
+    text = " ".join(generations.report(None, TINY, [made, rows]).text)
     assert "with preset paper autonomy made 25% of the shared arm's data" in text
-    assert "1 repeats are missing" in text
-    assert "default, arm shared, generation 1" in text
+    assert "counts as it is: 1 with preset default, arm shared (" in text
 
 
 def test_the_report_follows_the_rows(results):
