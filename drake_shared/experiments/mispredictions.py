@@ -38,6 +38,7 @@ CASES = {
     "unseen": "a route never taught",
     "changed": "a change of route",
     "obstacle": "a new obstacle",
+    "narrow": "less room round it",
 }
 ARMS = {"on": "with authority", "off": "without"}
 # Of preset and arm, in the order of reading, with the label of each.
@@ -50,10 +51,12 @@ LEAST = 95.0
 _HALF = 0.5
 _PARTED, _NEAR, _WATCHED = 0.15, 1.0, 2.0
 _RADIUS, _LEAST_CLEARANCE = 0.15, 0.08
-_ROOMS = (0.15, 0.3)
-_PLACES = np.linspace(0.2, 0.8, 13)
+# Beside the pillar, for the robot on its way round, in [m].
+_ROOMS = {"obstacle": 0.3, "narrow": 0.15}
+_PLACES = np.linspace(0.2, 0.8, 25)
 _SPACING = 0.02
-_GROUP, _TRIALS = 5, 6
+# Three trials take each route of the shipped scenarios once.
+_GROUP, _TRIALS = 5, 3
 _TRIAL_SECONDS, _ALONE_SECONDS = 0.08, 0.045
 
 
@@ -64,13 +67,13 @@ class Drive:
     Attributes:
         world: The scenario as it is; with a new obstacle, that is its last.
         route, then: What the operator means, and what after a change of mind.
-        variant: Index among `variants`; None in the scenario as it was taught.
+        variant: Case and index among its `variants`; None in the scenario as it was taught.
     """
 
     world: Scenario
     route: str
     then: str | None = None
-    variant: int | None = None
+    variant: tuple[str, int] | None = None
 
     def path(self, name: str) -> Path:
         """The curve of a route."""
@@ -150,13 +153,13 @@ def drive_of(scenario: str | None, case: str, learner: int, trial: int) -> Drive
         changes = changes_of_route(world)
         route, then = changes[trial % len(changes)]
         return Drive(world=world, route=route.name, then=then.name)
-    changed = variants(scenario)
+    changed = variants(scenario, case)
     variant = trial % len(changed)
-    return Drive(world=changed[variant], route=changed[variant].routes[0].name, variant=variant)
+    return Drive(world=changed[variant], route=changed[variant].routes[0].name, variant=(case, variant))
 
 
 @functools.cache
-def variants(scenario: str | None) -> tuple[Scenario, ...]:
+def variants(scenario: str | None, case: str = "obstacle") -> tuple[Scenario, ...]:
     """The scenario with a pillar in the way of a route that now goes round it, one for each possible route.
 
     The pillar stands where most room is left to go round it; routes with no such place are left out.
@@ -168,10 +171,9 @@ def variants(scenario: str | None) -> tuple[Scenario, ...]:
     found = []
     for route in world.routes:
         possible = [
-            _with_obstacle(world, route, share, side * room)
+            _with_obstacle(world, route, share, side * _ROOMS[case])
             for share in _PLACES
             for side in (1.0, -1.0)
-            for room in _ROOMS
         ]
         clearance, best = max(possible, key=lambda one: one[0])
         if best is not None and clearance >= _LEAST_CLEARANCE:
@@ -185,12 +187,12 @@ def moment(scenario: str | None, drive: Drive, case: str, trial: Trial) -> float
     """When the misprediction begins to matter, in [s]; None if it never did.
 
     unseen: the robot comes, by its nearest point on the operator's route, to where that is first farther
-    than 0.15 m from every other route. changed: the operator changes. obstacle: the robot's centre is first
-    within 1 m of the new obstacle's edge.
+    than 0.15 m from every other route. changed: the operator changes. obstacle, narrow: the robot's
+    centre is first within 1 m of the new obstacle's edge.
     """
     if case == "changed":
         return trial.metadata["behaviour"]["switch_time"]
-    if case == "obstacle":
+    if case in _ROOMS:
         new = drive.world.obstacles[-1]
         apart = np.hypot(*(trial.positions - (new.x, new.y)).T) - new.bounding_radius()
         there = apart <= _NEAR
@@ -240,26 +242,29 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
     return Section(
         title="Mispredictions on purpose",
         text=[
-            "Three ways to make the agent wrong. A route never taught: the learner has demonstrations of all "
+            "Ways to make the agent wrong. A route never taught: the learner has demonstrations of all "
             "routes but one, and the operator takes that one, each route in turn over learners. A change "
             f"of route: the operator leaves one for another after {number(_switch_time(scenario))} s. A new "
             f"obstacle: a pillar of {number(_RADIUS)} m radius stands on the route as it was taught, and the "
-            "operator, who knows of it, goes round; the learner knows the old way only and no obstacles.",
+            "operator, who knows of it, goes round; the learner knows the old way only and no obstacles. "
+            "The way round is laid once with more room and once with less, since what assistance may cost "
+            f"hangs on it: {_rooms(scenario)}.",
             f"{size.learners} learners of each preset, as many again for the route never taught, and "
             f"{trials} trials with each of the simulated operators {' and '.join(OPERATORS)} in each case. "
             "In every arm the routes and seeds are the same: the human alone, shared control in which the "
             "human is kept in charge (with authority: usual with preset default), and the blend of eq. (2) "
-            "by itself (without: usual with preset paper). Intervals are 95% bootstrap over "
-            "learners; those of claims are adjusted for the number of cases, and take the trials of both "
-            "operators together.",
+            "by itself (without: usual with preset paper). Intervals are 95% bootstrap over learners; those "
+            "of claims are adjusted for the number of cases, and take both operators' trials together.",
             "Time until w, the human's weight, is back above 0.5 counts from the moment at which the "
             "misprediction begins to matter: the robot comes to where the operator's route is more than "
             f"{number(_PARTED)} m from every route taught; the operator changes; the robot is within "
             f"{number(_NEAR)} m of the new obstacle's edge. It ends where w is first above 0.5 after it was "
             f"not; where w was above throughout the first {number(_WATCHED)} s the trial counts as above all "
             "along, and where it did not come back before the trial ended, as never. "
-            f"In {unmet} of {shared} shared trials that moment never came. How far the robot strayed is its "
-            "largest distance from the route meant at the time, after a change from the new one, which "
+            f"In {unmet} of {shared} shared trials that moment never came. A small w "
+            "is no harm by itself: an agent that goes by the command may be confident and right. How "
+            "far the robot strayed is its largest distance from the route meant at the time, "
+            "after a change from the new one, which "
             "begins with the distance between the two.",
         ],
         pictures=[
@@ -361,10 +366,23 @@ def _run(scenario: str | None, drive: Drive, arm: str, learner: Any, told: Mappi
 
 
 @functools.cache
-def _simulation(scenario: str | None, variant: int | None, authority: bool) -> Simulation:
+def _simulation(scenario: str | None, variant: tuple[str, int] | None, authority: bool) -> Simulation:
     if variant is None:
         return simulation_of(scenario, DEFAULT, authority)
-    return Simulation(variants(scenario)[variant], authority=authority)
+    case, index = variant
+    return Simulation(variants(scenario, case)[index], authority=authority)
+
+
+def _rooms(scenario: str | None) -> str:
+    """The clearance of the ways round, in words."""
+    said = []
+    for case in _ROOMS:
+        found = [
+            clearance_scorer(world)(_points(world.routes[0].path(world.start)))
+            for world in variants(scenario, case)
+        ]
+        said.append(f"{number(min(found))} to {number(max(found))} m of clearance ({CASES[case]})")
+    return " and ".join(said)
 
 
 def _switch_time(scenario: str | None) -> float:
@@ -485,7 +503,7 @@ def _recoveries(rows: Sequence[Mapping[str, Any]]) -> Any:
                     alpha=0.5 if arm == "on" else 1.0,
                     label=_COMPARED[preset, arm],
                 )
-            place.set_title(f"{words}, {operator}", fontsize=9)
+            place.set_title(f"{words},\n{operator}", fontsize=9)
             place.set(ylim=(-3, 103), xlim=(0.0, latest))
         line[0].set_ylabel("w above 0.5, % of trials", fontsize=9)
     for place in axes[-1]:
@@ -512,7 +530,7 @@ def _paths(scenario: str | None, results: Sequence[Any]) -> Any:
         drive = drive_of(scenario, case, 0, 0)
         for place, preset in zip(line, PRESETS, strict=True):
             draw_scene(place, drive.world)
-            if case == "obstacle":
+            if case in _ROOMS:
                 place.patches[len(drive.world.obstacles) - 1].set_facecolor("0.45")
             place.plot(*_points(drive.path(drive.route)).T, ":", color="0.6" if drive.then else BLACK, lw=1.2)
             if drive.then is not None:
@@ -522,7 +540,7 @@ def _paths(scenario: str | None, results: Sequence[Any]) -> Any:
                 place.plot(*path.T, color=colour, linestyle=style, linewidth=1.3, zorder=3)
             space = drive.world.workspace
             place.set(xlim=(space.x_min + 0.3, space.x_max - 0.2), ylim=(space.y_min, space.y_max))
-            place.set_title(f"{words}, {preset}", fontsize=9)
+            place.set_title(f"{words},\n{preset}", fontsize=9)
             place.label_outer()
     handles = [
         axes[0, 0].plot([], [], color=colour, linestyle=style, linewidth=1.3)[0]

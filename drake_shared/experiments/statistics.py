@@ -189,7 +189,7 @@ def not_worse(text: str, values: ArrayLike, *, margin: float, unit: str, level: 
     if verdict(estimate, margin) == "reversed":
         found = "reversed"
     else:
-        found = "holds" if estimate.count > 1 and estimate.low > -margin else "open"
+        found = "holds" if estimate.count >= FEWEST and estimate.low > -margin else "open"
     return Claim(text=text, estimate=estimate, smallest=-margin, unit=unit, verdict=found)
 
 
@@ -200,7 +200,7 @@ def at_least(text: str, values: ArrayLike, *, least: float, unit: str, level: fl
     hold the verdict is that of `verdict`.
     """
     estimate = interval(values, level=level)
-    held = estimate.count > 1 and estimate.mean >= least and estimate.low > 0.0
+    held = estimate.count >= FEWEST and estimate.mean >= least and estimate.low > 0.0
     return Claim(
         text=text,
         estimate=estimate,

@@ -68,7 +68,7 @@ def test_the_new_obstacle_blocks_the_route_as_it_was_taught_and_not_as_it_is_dri
 
 def test_all_arms_drive_the_same_routes_and_seeds(results):
     rows = rows_of(results)
-    assert len(rows) == 2 * 3 * 2 * (1 + 2 * 2)
+    assert len(rows) == 2 * 4 * 2 * (1 + 2 * 2)
     for learner in (0, 1):
         for case in mispredictions.CASES:
             own = [row for row in rows if row["learner"] == learner and row["case"] == case]
@@ -114,7 +114,7 @@ def test_the_verdicts_follow_from_the_rows(results):
     guarded[0]["collision"] = True
     *_, paper, default = mispredictions.claims(rows)
     assert (paper.verdict, default.verdict) == ("reversed", "holds")
-    assert "1 of 12 trials" in paper.text
+    assert "1 of 16 trials" in paper.text
     key = {name: guarded[0][name] for name in ("case", "operator", "learner", "seed")}
     (alone,) = (row for row in rows if row["arm"] == "human" and key.items() <= row.items())
     alone["collision"] = True
@@ -124,15 +124,15 @@ def test_the_verdicts_follow_from_the_rows(results):
 def test_less_success_than_asked_for_does_not_hold(results):
     rows = rows_of(results)
     for row in rows:
-        row["intent_success"] = row["case"] != "obstacle"
+        row["intent_success"] = row["case"] in ("unseen", "changed")
     verdicts = {claim.text: claim.verdict for claim in mispredictions.claims(rows) if "Intent" in claim.text}
-    assert len(verdicts) == 6
+    assert len(verdicts) == 8
     for text, verdict in verdicts.items():
-        assert (verdict == "holds") == ("a new obstacle" not in text)
+        assert (verdict == "holds") == ("route" in text)
 
 
 def test_the_report_shows_every_case_and_arm(results):
     section = mispredictions.report(None, TINY, results)
     assert len(section.pictures) == 3
-    assert [len(table.rows) for table in section.tables] == [3 * 5] * 2
-    assert len(section.data["mispredictions"]) == 60
+    assert [len(table.rows) for table in section.tables] == [4 * 5] * 2
+    assert len(section.data["mispredictions"]) == 80
