@@ -11,6 +11,7 @@ from drake_shared.counterfactual import Counterfactual, play_open_loop
 from drake_shared.demonstrations import read_demonstrations, write_demonstrations
 from drake_shared.diagram import AddSharedControl, MakeSharedControlDiagram, SharedControl
 from drake_shared.errors import DrakeSharedError, InputError, RunError
+from drake_shared.faults import Faults
 from drake_shared.learners import calibrate, load_learner, save_learner, train
 from drake_shared.metrics import metrics, summarize
 from drake_shared.replay import write_replay
@@ -37,6 +38,7 @@ __all__ = [
     "DiffDrivePlant",
     "DrakeSharedError",
     "DynamicPlant",
+    "Faults",
     "InputError",
     "Intention",
     "IntentionEstimator",

@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import multiprocessing
 import os
+import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -15,12 +16,14 @@ from drake_shared.arbitration import DEFAULT
 from drake_shared.authority import Authority
 from drake_shared.behaviour import Behaviour
 from drake_shared.errors import InputError
+from drake_shared.faults import Faults
 from drake_shared.learners import load_learner
+from drake_shared.log_folder import log_path, open_log_folder, read_kept, write_kept
 from drake_shared.metrics import metrics
 from drake_shared.operators import changes_of_route
 from drake_shared.scenario import load_scenario
 from drake_shared.systems.recorded_input import RecordedInput
-from drake_shared.trial import Simulation, TrialSettings, read_log, write_log
+from drake_shared.trial import Simulation, Trial, TrialSettings, read_log
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -42,6 +45,7 @@ class Batch:
         confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
         end: "reached" or "duration".
         safety_clearance: Kept by a safety filter, in [m]; without one if None.
+        faults: What goes wrong on purpose.
         out: Folder for the logs; none are written if None.
     """
 
@@ -58,6 +62,7 @@ class Batch:
     confidence_gain: float | None = None
     end: str = "reached"
     safety_clearance: float | None = None
+    faults: Faults | None = None
     out: str | None = None
 
     def __post_init__(self) -> None:
@@ -68,32 +73,70 @@ class Batch:
             raise InputError("authority", "", f"must be left out where the {self.mode} drives alone")
 
 
-def run_batch(batch: Batch, *, workers: int = 1) -> Iterator[dict[str, Any]]:
+def run_batch(
+    batch: Batch, *, workers: int = 1, resume: bool = False, force: bool = False
+) -> Iterator[dict[str, Any]]:
     """Runs the trials and yields the metrics of each, in order, with its seed, route and log.
 
     Args:
         batch: What to run.
         workers: Number of processes; 1 runs in this one.
+        resume: Take the trials whose logs are in ``batch.out`` from there, and run the others.
+        force: Begin anew where there are logs: they are removed.
 
     Raises:
-        InputError: A file cannot be read, or the folder for logs cannot be written to.
+        InputError: A file cannot be read, or the folder for logs cannot be written to, holds logs of trials
+            and neither was asked for, or holds some of another configuration.
+        RunError: A log cannot be written; those before it are kept.
     """
     if workers < 1:
         raise InputError("simulate", "workers", "must be at least 1", workers)
-    if workers == 1:
-        runner = _Runner(batch)
-        yield from (runner.run(index) for index in range(batch.count))
-        return
+    done = {} if batch.out is None else _begin(batch, batch.out, resume=resume, force=force)
+    if batch.out is None and (resume or force):
+        raise InputError(
+            "simulate", "resume" if resume else "force", "must be left out where no logs are kept (--out)"
+        )
+    return _run(batch, done, workers)
+
+
+def _begin(batch: Batch, out: str, *, resume: bool, force: bool) -> dict[int, dict[str, Any]]:
+    """The rows of the trials that are done, by number; all of them are checked before any other is run."""
+    if force:
+        # What is wrong with the batch is found before anything is removed for it.
+        if batch.recording is not None and Path(batch.recording).resolve().parent == Path(out).resolve():
+            raise InputError(batch.recording, "", f"must not be in {out}, which is begun anew")
+        _Runner(batch).check()
+    there = open_log_folder(out, count=batch.count, resume=resume, force=force)
+    if not there:
+        return {}
+    runner = _Runner(batch)
+    rows = {index: runner.kept(index) for index in there}
+    return {index: row for index, row in rows.items() if row is not None}
+
+
+def _run(batch: Batch, done: dict[int, dict[str, Any]], workers: int) -> Iterator[dict[str, Any]]:
+    left = [index for index in range(batch.count) if index not in done]
+    rows = _run_alone(batch, left) if workers == 1 else _run_in_pool(batch, left, workers)
+    for index in range(batch.count):
+        yield done[index] if index in done else next(rows)
+
+
+def _run_alone(batch: Batch, indices: list[int]) -> Iterator[dict[str, Any]]:
+    runner = _Runner(batch)
+    yield from (runner.run(index) for index in indices)
+
+
+def _run_in_pool(batch: Batch, indices: list[int], workers: int) -> Iterator[dict[str, Any]]:
     # A fork server: a fork of a process that has Drake and BLAS threads running may hang.
     context = multiprocessing.get_context("forkserver")
     # What the workers need is imported once, in the server; its only threads are of libraries that stop them
     # for a fork.
     context.set_forkserver_preload([__name__])
     with ProcessPoolExecutor(
-        min(workers, batch.count), mp_context=context, initializer=_start_worker, initargs=(batch,)
+        min(workers, len(indices)), mp_context=context, initializer=_start_worker, initargs=(batch,)
     ) as pool:
-        chunk = max(1, min(16, batch.count // (4 * workers)))
-        yield from pool.map(_run_in_worker, range(batch.count), chunksize=chunk)
+        chunk = max(1, min(16, len(indices) // (4 * workers)))
+        yield from pool.map(_run_in_worker, indices, chunksize=chunk)
 
 
 class _Runner:
@@ -120,12 +163,32 @@ class _Runner:
             arbiter=batch.arbitration,
             authority=batch.authority,
             safety_clearance=batch.safety_clearance,
+            faults=batch.faults,
         )
 
+    def check(self) -> None:
+        """Raises the InputError that the first trial would."""
+        self._simulation.begin(self._settings(0))
+
     def run(self, index: int) -> dict[str, Any]:
+        """Runs a trial, keeps its log where one is asked for, and returns its row."""
+        trial = self._simulation.run(self._settings(index))
+        log = None if self._batch.out is None else log_path(self._batch.out, index)
+        if log is not None:
+            write_kept(trial, log)
+        return _row(trial, log)
+
+    def kept(self, index: int) -> dict[str, Any] | None:
+        """The row of a trial whose log is there; None if it must be run again."""
+        assert self._batch.out is not None
+        log = log_path(self._batch.out, index)
+        trial = read_kept(log, self._simulation.describe(self._settings(index)))
+        return None if trial is None else _row(trial, log)
+
+    def _settings(self, index: int) -> TrialSettings:
         batch = self._batch
         route, then = self._routes[index % len(self._routes)]
-        settings = TrialSettings(
+        return TrialSettings(
             mode=batch.mode,
             seed=batch.seed + index,
             route=self._recorded_route if self._recording is not None else route,
@@ -135,12 +198,11 @@ class _Runner:
             confidence_gain=batch.confidence_gain,
             end=batch.end,
         )
-        trial = self._simulation.run(settings)
-        log = None
-        if batch.out is not None:
-            log = os.fspath(Path(batch.out) / f"trial_{index:05d}.parquet")
-            write_log(trial, log)
-        return {"seed": settings.seed, "route": settings.route, **metrics(trial), "log": log}
+
+
+def _row(trial: Trial, log: Path | None) -> dict[str, Any]:
+    told = {"seed": trial.metadata["seed"], "route": trial.metadata["route"], **metrics(trial)}
+    return told | {"log": None if log is None else os.fspath(log)}
 
 
 _batch: Batch | None = None
@@ -149,6 +211,15 @@ _batch: Batch | None = None
 def _start_worker(batch: Batch) -> None:
     global _batch
     _batch = batch
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    # A pool whose process is killed would go on with what it was given, and then wait for more for ever.
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 @functools.cache

@@ -15,6 +15,7 @@ from drake_shared.commands.benchmark import Benchmark
 from drake_shared.commands.drive import Drive
 from drake_shared.commands.evaluate import Evaluate
 from drake_shared.commands.fit_operator import FitOperator
+from drake_shared.commands.lineage import Lineage
 from drake_shared.commands.replay import Replay
 from drake_shared.commands.reproduce import Reproduce
 from drake_shared.commands.simulate import Simulate
@@ -29,6 +30,7 @@ Command = (
     | Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[FitOperator, tyro.conf.subcommand("fit-operator")]
+    | Annotated[Lineage, tyro.conf.subcommand("lineage")]
     | Annotated[Replay, tyro.conf.subcommand("replay")]
     | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Benchmark, tyro.conf.subcommand("benchmark")]

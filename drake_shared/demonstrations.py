@@ -22,12 +22,14 @@ import pyarrow.parquet as pq
 from numpy.typing import ArrayLike, NDArray
 
 from drake_shared.errors import InputError
-from drake_shared.files import replacing
+from drake_shared.files import replacing, sha256_of
 
 FORMAT = "drake_shared.demonstrations"
 LOG_FORMAT = "drake_shared.log"
 VERSION = 1
 METADATA_KEY = b"drake_shared"
+# What of a trial's metadata a demonstration of it keeps.
+_TOLD = ("operator", "learner", "learner_id", "preset", "mode", "route", "then", "seed", "status")
 
 Path = str | os.PathLike[str]
 Scorer = Callable[[NDArray[np.float64]], float]
@@ -43,7 +45,8 @@ class Demonstration:
         positions: Shape (n, 2), in [m], world frame.
         yaws: Shape (n,), in [rad], or None if unknown.
         score: How good it is, the higher the better, or None if not evaluated.
-        provenance: Where it comes from, in a few words that JSON can hold.
+        provenance: Where it comes from, in a few words that JSON can hold: what `provenance_of_trial` keeps
+            of a trial, and of a file its name ("file"), its content ("sha256") and its kind ("kind").
         source: What holds it, for error messages.
     """
 
@@ -146,14 +149,40 @@ def read_demonstrations(
     for path in files:
         table, description = _read_table(path)
         _check_scenario(path, description, scenario or metadata.get("scenario"))
-        read = _read_log if description.get("format") == LOG_FORMAT else _read_demonstrations
-        items += read(path, table, description, score_column)
+        is_log = description.get("format") == LOG_FORMAT
+        read = _read_log if is_log else _read_demonstrations
+        held = {
+            "kind": "log" if is_log else "demonstrations",
+            "file": os.fspath(path),
+            "sha256": sha256_of(path),
+        }
+        items += [
+            dataclasses.replace(item, provenance={**item.provenance, **held})
+            for item in read(path, table, description, score_column)
+        ]
         named = _scenario_name(description)
         if named is not None:
             metadata["scenario"] = named
     return Demonstrations(
         items=tuple(items), metadata=metadata, source=", ".join(os.fspath(path) for path in files)
     )
+
+
+def provenance_of_trial(metadata: Mapping[str, Any], human_weight: ArrayLike | None) -> dict[str, Any]:
+    """Where a demonstration comes from that is a trial.
+
+    Args:
+        metadata: Of the trial.
+        human_weight: Its column (n,), if known; the last row is not applied and does not count.
+
+    Returns:
+        Operator, route, seed, mode, the learner that took part ("learner_id" by the content of its file) and
+        the mean "human_weight": 1 less the share of the command that autonomy made.
+    """
+    kept = {name: metadata[name] for name in _TOLD if name in metadata}
+    if human_weight is not None:
+        kept["human_weight"] = float(np.mean(np.asarray(human_weight, dtype=float)[:-1]))
+    return kept
 
 
 def write_demonstrations(path: Path, demonstrations: Demonstrations) -> None:
@@ -373,14 +402,14 @@ def _read_log(
     if score_column is not None:
         rows = np.arange(table.num_rows)
         score = _column_scores(path, _column(path, table, score_column), [rows], score_column)[0]
-    provenance = {k: description[k] for k in ("operator", "learner", "preset", "seed") if k in description}
+    weight = _column(path, table, "human_weight") if "human_weight" in table.column_names else None
     return [
         Demonstration(
             times=columns["t"],
             positions=np.stack([columns["x"], columns["y"]], axis=-1),
             yaws=columns["yaw"],
             score=score,
-            provenance={"log": os.path.basename(path), **provenance},
+            provenance=provenance_of_trial(description, weight),
             source=os.fspath(path),
         )
     ]

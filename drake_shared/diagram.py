@@ -13,6 +13,8 @@ from pydrake.systems.primitives import Multiplexer, RandomSource, VectorLogSink
 from drake_shared.arbitration import DEFAULT, check_arbiter, describe_arbiter, make_arbiter
 from drake_shared.authority import Authority
 from drake_shared.errors import InputError
+from drake_shared.fault_injection import FaultInjection
+from drake_shared.faults import Faults
 from drake_shared.learners import Learner
 from drake_shared.learners.no_learner import NoLearner
 from drake_shared.obstacles import register_obstacles
@@ -22,6 +24,7 @@ from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.dynamic_plant import DynamicPlant
 from drake_shared.systems.intention_estimator import IntentionEstimator
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
+from drake_shared.systems.moving_obstacles import AddMovingObstacles
 from drake_shared.systems.safety_filter import SafetyFilter
 from drake_shared.systems.surrogate_operator import SurrogateOperator
 from drake_shared.systems.waypoint_controller import WaypointController
@@ -52,7 +55,7 @@ class SharedControl:
         plant: The robot: a :class:`DynamicPlant` if the scenario's ``plant`` is dynamic.
         scene_graph: Holds the obstacles.
         log_sink: Logs ``columns``, one row a control period.
-        columns: Names of the logged values; those that the operator and the safety filter add come last.
+        columns: Names of the logged values; those that operator, safety filter and faults add come last.
         safety_filter: Keeps the robot clear of obstacles, if asked for.
     """
 
@@ -78,6 +81,7 @@ def AddSharedControl(
     authority: Authority | bool | None = None,
     look_ahead: float = 0.6,
     safety_clearance: float | None = None,
+    faults: Faults | None = None,
     meshcat: Meshcat | None = None,
 ) -> SharedControl:
     """Adds the whole loop to ``builder``; :func:`MakeSharedControlDiagram` says what the arguments mean."""
@@ -87,7 +91,8 @@ def AddSharedControl(
     learner = learner or NoLearner(scenario.duration)
 
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-    register_obstacles(scene_graph, scenario.obstacles)
+    register_obstacles(scene_graph, scenario.standing)
+    AddMovingObstacles(builder, scene_graph, scenario.obstacles)
     operator = builder.AddNamedSystem("operator", operator)
     estimator = builder.AddNamedSystem(
         "intention_estimator", IntentionEstimator(learner=learner, robot=scenario.robot, period=period)
@@ -113,14 +118,20 @@ def AddSharedControl(
     autonomous = controller.GetOutputPort("autonomous_command")
     shared = blender.GetOutputPort("shared_command")
     weight = blender.GetOutputPort("human_weight")
+    injected = FaultInjection(builder, faults, period)
+    received = injected.channel(human)
+    seen, shown_pose = injected.pose(pose)
+    intention, confidence = injected.learner(
+        estimator.GetOutputPort("intention"), estimator.GetOutputPort("confidence")
+    )
 
-    builder.Connect(pose, estimator.GetInputPort("pose"))
-    builder.Connect(human, estimator.GetInputPort("human_command"))
-    builder.Connect(pose, controller.GetInputPort("pose"))
-    builder.Connect(estimator.GetOutputPort("intention"), controller.GetInputPort("intention"))
-    builder.Connect(human, blender.GetInputPort("human_command"))
+    builder.Connect(seen, estimator.GetInputPort("pose"))
+    builder.Connect(received, estimator.GetInputPort("human_command"))
+    builder.Connect(seen, controller.GetInputPort("pose"))
+    builder.Connect(intention, controller.GetInputPort("intention"))
+    builder.Connect(received, blender.GetInputPort("human_command"))
     builder.Connect(autonomous, blender.GetInputPort("autonomous_command"))
-    builder.Connect(estimator.GetOutputPort("confidence"), blender.GetInputPort("confidence"))
+    builder.Connect(confidence, blender.GetInputPort("confidence"))
     if blender.HasInputPort("idle_time") and operator.HasOutputPort("idle_time"):
         builder.Connect(operator.GetOutputPort("idle_time"), blender.GetInputPort("idle_time"))
     safety_filter, applied = None, shared
@@ -128,15 +139,15 @@ def AddSharedControl(
         safety_filter = builder.AddNamedSystem(
             "safety_filter", SafetyFilter(robot=scenario.robot, clearance=safety_clearance, period=period)
         )
-        builder.Connect(pose, safety_filter.GetInputPort("pose"))
+        builder.Connect(seen, safety_filter.GetInputPort("pose"))
         builder.Connect(plant.GetOutputPort("wheel_speed"), safety_filter.GetInputPort("wheel_speed"))
         builder.Connect(shared, safety_filter.GetInputPort("wheel_command"))
         builder.Connect(scene_graph.get_query_output_port(), safety_filter.GetInputPort("geometry_query"))
         applied = safety_filter.GetOutputPort("safe_command")
-    builder.Connect(applied, plant.GetInputPort("wheel_command"))
+    builder.Connect(injected.wheels(applied), plant.GetInputPort("wheel_command"))
     builder.Connect(scene_graph.get_query_output_port(), plant.GetInputPort("geometry_query"))
     # The operator's command is state, so what it reads of the loop reaches it one step late.
-    offered = {"pose": pose, "human_weight": weight, "shared_command": shared}
+    offered = {"pose": shown_pose, "human_weight": weight, "shared_command": shared}
     for name, port in offered.items():
         if operator.HasInputPort(name):
             builder.Connect(port, operator.GetInputPort(name))
@@ -149,6 +160,7 @@ def AddSharedControl(
                 f"operator_{name}", RandomSource(distribution, port.size(), period)
             )
             builder.Connect(source.get_output_port(), port)
+    injected.add_chance()
 
     logged = [pose, human, autonomous, shared, plant.GetOutputPort("wheel_speed")]
     logged += [estimator.GetOutputPort("confidence"), weight, estimator.GetOutputPort("mean_variance")]
@@ -161,6 +173,9 @@ def AddSharedControl(
     if safety_filter is not None:
         logged.append(applied)
         columns += SAFETY_COLUMNS
+    for names, extra in injected.logged.items():
+        logged.append(extra)
+        columns += names
     multiplexer = builder.AddNamedSystem("log_multiplexer", Multiplexer([port.size() for port in logged]))
     for index, port in enumerate(logged):
         builder.Connect(port, multiplexer.get_input_port(index))
@@ -204,7 +219,10 @@ def AddSharedControl(
 def _plant(scenario: Scenario, scene_graph: SceneGraph | None) -> DiffDrivePlant:
     robot, start, period = scenario.robot, scenario.start, scenario.control_period
     if scenario.plant == "kinematic":
-        return DiffDrivePlant(robot=robot, start=start, period=period, scene_graph=scene_graph)
+        moving = any(item.path for item in scenario.obstacles)
+        return DiffDrivePlant(
+            robot=robot, start=start, period=period, scene_graph=scene_graph, obstacles_move=moving
+        )
     return DynamicPlant(
         robot=robot, obstacles=scenario.obstacles, start=start, period=period, scene_graph=scene_graph
     )
@@ -219,6 +237,7 @@ def MakeSharedControlDiagram(
     authority: Authority | bool | None = None,
     look_ahead: float = 0.6,
     safety_clearance: float | None = None,
+    faults: Faults | None = None,
     meshcat: Meshcat | None = None,
 ) -> Diagram:
     """Wires the shared-control loop for ``scenario``.
@@ -241,6 +260,11 @@ def MakeSharedControlDiagram(
         look_ahead: Of the agent's controller, in [s].
         safety_clearance: If given, a :class:`SafetyFilter` named safety_filter keeps it, in [m], and what
             the robot is told is logged as safe_left and safe_right.
+        faults: What goes wrong on purpose. Only the systems that it takes are inserted (channel_fault,
+            pose_fault, learner_fault, wheel_slip), and what they let through is logged as received_left and
+            _right, seen_x, _y and _yaw, heard_confidence, slipped_left and _right; the other columns hold
+            what is true: what the human gave, where the robot is, what the learner said. Operator, agent and
+            safety filter go by the pose that is seen; the plant does not.
         meshcat: Shows scene and intention there, if given.
 
     Raises:
@@ -257,6 +281,7 @@ def MakeSharedControlDiagram(
         authority=authority,
         look_ahead=look_ahead,
         safety_clearance=safety_clearance,
+        faults=faults,
         meshcat=meshcat,
     )
     diagram = builder.Build()

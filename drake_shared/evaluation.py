@@ -17,6 +17,8 @@ from drake_shared.demonstrations import Demonstrations
 from drake_shared.errors import InputError
 from drake_shared.files import replacing
 from drake_shared.learners import Learner
+from drake_shared.paths import passing_side
+from drake_shared.scenario import Scenario
 from drake_shared.trial import Trial
 
 COVERAGES = (0.5, 0.9, 0.95)
@@ -151,6 +153,20 @@ class Confidence:
 
     confidence: np.ndarray
     right: np.ndarray
+
+
+def ways_of(scenario: Scenario, learner: Learner) -> dict[str, int]:
+    """For each route, the index of a demonstration that passes every obstacle on its side; the first of them.
+
+    A route that was not demonstrated is not there.
+    """
+    ways: dict[str, int] = {}
+    for index, path in enumerate(() if learner.demonstrations is None else learner.demonstrations):
+        sides = {item.name: passing_side(path, (item.x, item.y)) for item in scenario.standing}
+        for route in scenario.routes:
+            if route.sides == sides:
+                ways.setdefault(route.name, index)
+    return ways
 
 
 def judge_confidence(learner: Learner, trial: Trial, route: int, *, every: int = 1) -> Confidence:

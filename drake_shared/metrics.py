@@ -91,8 +91,8 @@ def metrics(trial: Trial) -> dict[str, Any]:
 
 
 def sides_passed(trial: Trial) -> dict[str, str]:
-    """The side, "left" or "right", on which the robot passed each obstacle, by the obstacle's name."""
-    obstacles = trial.metadata["scenario"]["obstacles"]
+    """The side, "left" or "right", on which the robot passed each obstacle that stands, by name."""
+    obstacles = [item for item in trial.metadata["scenario"]["obstacles"] if not item.get("path")]
     return {item["name"]: passing_side(trial.positions, (item["x"], item["y"])) for item in obstacles}
 
 

@@ -28,12 +28,14 @@ _COLOR = Rgba(0.45, 0.50, 0.56, 1.0)
 
 @dataclasses.dataclass(kw_only=True)
 class Circle:
-    """A round pillar at (``x``, ``y``), in [m], world frame."""
+    """A round pillar at (``x``, ``y``), in [m], world frame; it moves if it has a path."""
 
     name: str = ""
     x: float = math.nan
     y: float = math.nan
     radius: float = math.nan
+    path: list[list[float]] = dataclasses.field(default_factory=list)
+    """Points [t, x, y] in [s] and [m]; straight and even between them, at rest before and after."""
 
     def sizes(self) -> dict[str, float]:
         """What must be positive."""
@@ -56,7 +58,7 @@ class Circle:
 class Box:
     """A wall or crate centred at (``x``, ``y``), turned by ``yaw``, in [m] and [rad], world frame.
 
-    ``length`` lies along the box's own x, ``width`` along its y.
+    ``length`` lies along the box's own x, ``width`` along its y. It moves, without turning, if it has a path.
     """
 
     name: str = ""
@@ -65,6 +67,8 @@ class Box:
     length: float = math.nan
     width: float = math.nan
     yaw: float = 0.0
+    path: list[list[float]] = dataclasses.field(default_factory=list)
+    """Points [t, x, y] in [s] and [m]; straight and even between them, at rest before and after."""
 
     def sizes(self) -> dict[str, float]:
         """What must be positive."""
@@ -86,8 +90,18 @@ class Box:
 Obstacle = Circle | Box
 
 
+def position_at(obstacle: Obstacle, time: float) -> tuple[float, float]:
+    """Where the obstacle is at ``time``, in [s] from the start of a trial: (x, y) in [m], world frame."""
+    if not obstacle.path:
+        return obstacle.x, obstacle.y
+    times, xs, ys = zip(*obstacle.path, strict=True)
+    return float(np.interp(time, times, xs)), float(np.interp(time, times, ys))
+
+
 def register_obstacles(scene_graph: SceneGraph, obstacles: list[Obstacle]) -> list[GeometryId]:
     """Anchors the obstacles in ``scene_graph``, to be felt (proximity) and seen (illustration).
+
+    One that moves is anchored where it is at first; `drake_shared.systems.moving_obstacles` moves it.
 
     Returns:
         The identifiers of what can be felt, in the order of ``obstacles``.
@@ -95,18 +109,24 @@ def register_obstacles(scene_graph: SceneGraph, obstacles: list[Obstacle]) -> li
     source = scene_graph.RegisterSource("obstacles")
     felt = []
     for obstacle in obstacles:
-        rotation = RollPitchYaw(0, 0, obstacle.yaw_angle())
-        X_WG = RigidTransform(rotation, [obstacle.x, obstacle.y, 0])
-        solid = GeometryInstance(X_WG, obstacle.shape(_FELT_HEIGHT), obstacle.name)
-        solid.set_proximity_properties(ProximityProperties())
+        solid, drawn = obstacle_geometry(obstacle, obstacle.x, obstacle.y)
         felt.append(scene_graph.RegisterAnchoredGeometry(source, solid))
-        X_WG = RigidTransform(rotation, [obstacle.x, obstacle.y, _DRAWN_HEIGHT / 2])
-        drawn = GeometryInstance(X_WG, obstacle.shape(_DRAWN_HEIGHT), f"{obstacle.name}_drawn")
-        illustration = IllustrationProperties()
-        illustration.AddProperty("phong", "diffuse", _COLOR)
-        drawn.set_illustration_properties(illustration)
         scene_graph.RegisterAnchoredGeometry(source, drawn)
     return felt
+
+
+def obstacle_geometry(obstacle: Obstacle, x: float, y: float) -> tuple[GeometryInstance, GeometryInstance]:
+    """What is felt of an obstacle and what is seen, at (``x``, ``y``) of their frame, in [m]."""
+    rotation = RollPitchYaw(0, 0, obstacle.yaw_angle())
+    X_FG = RigidTransform(rotation, [x, y, 0])
+    solid = GeometryInstance(X_FG, obstacle.shape(_FELT_HEIGHT), obstacle.name)
+    solid.set_proximity_properties(ProximityProperties())
+    X_FG = RigidTransform(rotation, [x, y, _DRAWN_HEIGHT / 2])
+    drawn = GeometryInstance(X_FG, obstacle.shape(_DRAWN_HEIGHT), f"{obstacle.name}_drawn")
+    illustration = IllustrationProperties()
+    illustration.AddProperty("phong", "diffuse", _COLOR)
+    drawn.set_illustration_properties(illustration)
+    return solid, drawn
 
 
 def least_distance(query: QueryObject, x: float, y: float) -> float:

@@ -130,7 +130,7 @@ def changes_of_route(scenario: Scenario) -> list[tuple[Route, Route]]:
         whole = (0.0, path.length)
         behind = [
             item.name
-            for item in scenario.obstacles
+            for item in scenario.standing
             if path.nearest(item.x, item.y, between=whole) < 0.5 * path.length
         ]
         others = scenario.routes[index + 1 :] + scenario.routes[:index]

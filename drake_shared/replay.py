@@ -30,6 +30,7 @@ from drake_shared.scenery import GHOST, draw_scenery, draw_way, look_from_above
 from drake_shared.systems.intention_estimator import IntentionEstimator
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
 from drake_shared.systems.log_playback import LogPlayback
+from drake_shared.systems.moving_obstacles import AddMovingObstacles
 from drake_shared.trial import Trial
 
 # In the picture's corner, over whatever the page draws.
@@ -71,7 +72,8 @@ def write_replay(
 
     builder = DiagramBuilder()
     scene_graph = builder.AddSystem(SceneGraph())
-    register_obstacles(scene_graph, scenario.obstacles)
+    register_obstacles(scene_graph, scenario.standing)
+    AddMovingObstacles(builder, scene_graph, scenario.obstacles)
     source, frame = register_robot(scene_graph, scenario.robot.model_path())
     rows = {"pose": np.column_stack([trial["x"], trial["y"], trial["yaw"]])}
     rows |= {"human_weight": trial["human_weight"]}

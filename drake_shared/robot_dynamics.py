@@ -6,16 +6,31 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Box, Cylinder, GeometryId, SceneGraphConfig
+from pydrake.geometry import (
+    Box,
+    CollisionFilterDeclaration,
+    Cylinder,
+    GeometryId,
+    GeometrySet,
+    SceneGraph,
+    SceneGraphConfig,
+)
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import PdControllerGains, RevoluteJoint, RigidBody
+from pydrake.multibody.tree import (
+    PdControllerGains,
+    PlanarJoint,
+    RevoluteJoint,
+    RigidBody,
+    SpatialInertia,
+    default_model_instance,
+)
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_shared.errors import InputError
 from drake_shared.motion import Pose, Wheels
-from drake_shared.obstacles import Obstacle
+from drake_shared.obstacles import Obstacle, position_at
 from drake_shared.scenario import Robot
 
 AXLES = ("left_axle", "right_axle")
@@ -32,6 +47,8 @@ _BODY_FRICTION = 0.2
 # The body is felt between these heights over the floor, in [m], clear of the floor itself.
 _BODY_BOTTOM, _BODY_TOP = 0.1, 0.2
 _OBSTACLE_HEIGHT = 2.0
+# Of what moves, in [kg]: one step of contact with the robot hardly slows it.
+_OBSTACLE_MASS = 1e4
 _SETTLING_TIME = 0.5
 # Where the robot settles, in [m]: no obstacle is there.
 _AWAY = 1000.0
@@ -48,7 +65,8 @@ class RobotDynamics:
     Args:
         robot: Sizes; its SDF file must have the wheels on revolute joints named as in ``AXLES``, whose effort
             limit is that of their motors.
-        obstacles: What the body, a disc of the footprint's radius, runs into.
+        obstacles: What the body, a disc of the footprint's radius, runs into. Those that move are heavy and
+            put back on their paths before every step, so that nothing drives them off.
         step: Of the contact solver, in [s].
 
     Raises:
@@ -77,7 +95,11 @@ class RobotDynamics:
             raise InputError(model, "", f"must be an SDF file with one model: {error}") from error
         self._axles = _axles(self._plant, model)
         self._base = self._axles[0].parent_body()
+        self._period = step
         self._body = _add_surroundings(self._plant, self._base, robot, obstacles)
+        self._moving = [
+            (item, _add_moving(self._plant, scene_graph, item)) for item in obstacles if item.path
+        ]
         self._plant.Finalize()
         self._diagram = builder.Build()
         self._root = self._diagram.CreateDefaultContext()
@@ -104,6 +126,16 @@ class RobotDynamics:
     def state(self) -> np.ndarray:
         """Shape (n,): positions and velocities of the robot."""
         return self._plant.GetPositionsAndVelocities(self._context, self._robot)
+
+    def move_obstacles(self, time: float) -> None:
+        """Puts those that move where they are at ``time``, in [s], on their way to where they are next."""
+        for obstacle, joint in self._moving:
+            here = np.array(position_at(obstacle, time))
+            there = np.array(position_at(obstacle, time + self._period))
+            joint.set_translation(self._context, here)
+            joint.set_rotation(self._context, 0.0)
+            joint.set_translational_velocity(self._context, (there - here) / self._period)
+            joint.set_angular_velocity(self._context, 0.0)
 
     def step(self, wish: Wheels) -> None:
         """One step with the motors driving the wheels towards ``wish`` (left, right), in [rad/s]."""
@@ -178,6 +210,8 @@ def _add_surroundings(
     )
     rubbing = CoulombFriction(_BODY_FRICTION, _BODY_FRICTION)
     for obstacle in obstacles:
+        if obstacle.path:
+            continue
         X_WG = RigidTransform(RollPitchYaw(0, 0, obstacle.yaw_angle()), [obstacle.x, obstacle.y, 0.0])
         plant.RegisterCollisionGeometry(
             world, X_WG, obstacle.shape(_OBSTACLE_HEIGHT), f"obstacle_{obstacle.name}", rubbing
@@ -185,3 +219,24 @@ def _add_surroundings(
     disc = Cylinder(robot.footprint_radius, _BODY_TOP - _BODY_BOTTOM)
     X_BG = RigidTransform([0.0, 0.0, 0.5 * (_BODY_BOTTOM + _BODY_TOP)])
     return plant.RegisterCollisionGeometry(base, X_BG, disc, "footprint", rubbing)
+
+
+def _add_moving(plant: MultibodyPlant, scene_graph: SceneGraph, obstacle: Obstacle) -> PlanarJoint:
+    """Adds an obstacle that glides over the floor and meets nothing but the robot."""
+    # Found before its own: neither the floor nor another obstacle is to hold it up.
+    others = [
+        geometry
+        for body in (plant.get_body(index) for index in plant.GetBodyIndices(default_model_instance()))
+        for geometry in plant.GetCollisionGeometriesForBody(body)
+    ]
+    others += plant.GetCollisionGeometriesForBody(plant.world_body())
+    name = f"obstacle_{obstacle.name}"
+    inertia = SpatialInertia.SolidSphereWithMass(_OBSTACLE_MASS, 1.0)
+    body = plant.AddRigidBody(name, default_model_instance(), inertia)
+    X_BG = RigidTransform(RollPitchYaw(0, 0, obstacle.yaw_angle()), [0.0, 0.0, 0.0])
+    rubbing = CoulombFriction(_BODY_FRICTION, _BODY_FRICTION)
+    felt = plant.RegisterCollisionGeometry(body, X_BG, obstacle.shape(_OBSTACLE_HEIGHT), name, rubbing)
+    apart = CollisionFilterDeclaration().ExcludeBetween(GeometrySet([felt]), GeometrySet(others))
+    scene_graph.collision_filter_manager().Apply(apart)
+    frames = plant.world_frame(), body.body_frame()
+    return plant.AddJoint(PlanarJoint(name, *frames, [0.0, 0.0, 0.0]))

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import itertools
 import json
 import math
 import os
@@ -14,7 +15,7 @@ from pydrake.common.yaml import yaml_dump, yaml_load_data, yaml_load_typed
 
 from drake_shared.errors import InputError
 from drake_shared.files import models_directory
-from drake_shared.obstacles import Box, Circle, ObstacleDistance
+from drake_shared.obstacles import Box, Circle, ObstacleDistance, position_at
 from drake_shared.paths import Path as RoutePath
 from drake_shared.paths import passing_side
 
@@ -118,7 +119,7 @@ class Route:
     waypoints: list[list[float]] = dataclasses.field(default_factory=list)
     """Points (x, y) in [m] that a smooth curve joins, from start to goal."""
     sides: dict[str, str] = dataclasses.field(default_factory=dict)
-    """For each obstacle's name, "left" or "right": the side on which the robot passes it."""
+    """For the name of each obstacle that stands, "left" or "right": the side on which the robot passes it."""
 
     def path(self, start: Start) -> RoutePath:
         """The curve through the waypoints, leaving in the direction in which the robot stands."""
@@ -149,6 +150,11 @@ class Scenario:
     """Time in which an unhurried operator comes from start to goal."""
     plant: str = "kinematic"
     """"kinematic": wheels that never slip; "dynamic": mass, friction and motors."""
+
+    @property
+    def standing(self) -> list[Circle | Box]:
+        """The obstacles that never move."""
+        return [item for item in self.obstacles if not item.path]
 
     @property
     def steps(self) -> int:
@@ -215,6 +221,10 @@ def _read_scenario(text: str, *, source: str | os.PathLike[str]) -> Scenario:
         scenario = yaml_load_typed(schema=Scenario, data=text)
     except Exception as error:  # It raises RuntimeError, yaml.YAMLError, TypeError and others.
         raise InputError(source, _field_at_fault(text), f"cannot be read: {error}") from error
+    for item in scenario.obstacles:
+        if item.path and math.isnan(item.x) and math.isnan(item.y):
+            _check_obstacle_path(item, source)
+            item.x, item.y = position_at(item, 0.0)
     check_scenario(scenario, source=source)
     return scenario
 
@@ -255,7 +265,7 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
     _check_sizes(scenario, source)
     space = scenario.workspace
     placed: list[tuple[str, Any]] = [("start", scenario.start), ("goal", scenario.goal)]
-    placed += [(f"obstacles: {item.name}", item) for item in scenario.obstacles]
+    placed += [(f"obstacles: {item.name}", item) for item in scenario.standing]
     for field, item in placed:
         if not space.contains(item.x, item.y):
             raise InputError(source, field, "must lie inside the workspace", f"({item.x}, {item.y})")
@@ -266,6 +276,9 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
             raise InputError(
                 source, field, "must leave the robot free of obstacles", f"{gap:.3f} m of clearance"
             )
+    for item in scenario.obstacles:
+        if item.path:
+            _check_moving(scenario, item, source)
     for route in scenario.routes:
         _check_route(scenario, route, clearance, source)
 
@@ -274,9 +287,9 @@ def clearance_scorer(scenario: Scenario):
     """A function of positions (n, 2) in [m]: the least clearance of the robot's body along them, in [m].
 
     Clearance is the distance from the robot's centre to the nearest obstacle, from SceneGraph, less the
-    footprint's radius.
+    footprint's radius. Obstacles that move are left out: a position alone does not say when.
     """
-    distance = ObstacleDistance(scenario.obstacles)
+    distance = ObstacleDistance(scenario.standing)
     footprint = scenario.robot.footprint_radius
 
     def clearance(positions: np.ndarray) -> float:
@@ -347,6 +360,26 @@ def _check_sizes(scenario: Scenario, source) -> None:
             raise InputError(source, field, "must have names that differ", ", ".join(names))
 
 
+def _check_obstacle_path(obstacle, source) -> None:
+    field, path = f"obstacles: {obstacle.name}: path", obstacle.path
+    if any(len(point) != 3 or not all(map(math.isfinite, point)) for point in path):
+        raise InputError(source, field, "must be finite points [t, x, y]", path)
+    if any(a[0] >= b[0] for a, b in itertools.pairwise(path)):
+        raise InputError(source, field, "must go on in time", [point[0] for point in path])
+
+
+def _check_moving(scenario: Scenario, obstacle, source) -> None:
+    _check_obstacle_path(obstacle, source)
+    field, start = f"obstacles: {obstacle.name}: path", scenario.start
+    at_first = position_at(obstacle, 0.0)
+    if math.dist(at_first, (obstacle.x, obstacle.y)) > 1e-6:
+        raise InputError(source, field, f"must be at the obstacle's x and y at time 0, not at {at_first}")
+    gap = float(ObstacleDistance([obstacle])(np.array([[start.x, start.y]]))[0])
+    if gap <= scenario.robot.footprint_radius:
+        left = f"{gap - scenario.robot.footprint_radius:.3f} m of clearance"
+        raise InputError(source, field, "must not start on the robot", left)
+
+
 def _check_route(scenario: Scenario, route: Route, clearance, source) -> None:
     field = f"routes: {route.name}"
     if len(route.waypoints) < 2 or any(len(point) != 2 for point in route.waypoints):
@@ -365,10 +398,12 @@ def _check_route(scenario: Scenario, route: Route, clearance, source) -> None:
     gap = clearance(positions)
     if gap <= 0:
         raise InputError(source, field, "must leave the robot free of obstacles", f"{gap:.3f} m of clearance")
-    names = {item.name for item in scenario.obstacles}
+    names = {item.name for item in scenario.standing}
     if set(route.sides) != names:
-        raise InputError(source, f"{field}: sides", f"must name every obstacle ({', '.join(sorted(names))})")
-    for item in scenario.obstacles:
+        raise InputError(
+            source, f"{field}: sides", f"must name every obstacle that stands ({', '.join(sorted(names))})"
+        )
+    for item in scenario.standing:
         side = passing_side(positions, (item.x, item.y))
         if route.sides[item.name] != side:
             raise InputError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drake_shared.demonstrations import Demonstration, Demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations, provenance_of_trial
 from drake_shared.errors import RunError
 from drake_shared.scenario import Scenario, clearance_scorer
 from drake_shared.systems.surrogate_operator import Behaviour
@@ -11,13 +11,12 @@ from drake_shared.trial import Simulation, Trial, TrialSettings
 
 def demonstration_of(trial: Trial, *, score: float) -> Demonstration:
     """The way driven in a trial, as a demonstration with ``score``."""
-    told = ("operator", "route", "seed", "mode", "learner_id", "status")
     return Demonstration(
         times=trial["t"],
         positions=trial.positions,
         yaws=trial["yaw"],
         score=score,
-        provenance={name: trial.metadata[name] for name in told if name in trial.metadata},
+        provenance=provenance_of_trial(trial.metadata, trial["human_weight"]),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import importlib.metadata
 import json
 import math
@@ -26,6 +27,7 @@ from drake_shared.authority import Authority
 from drake_shared.demonstrations import LOG_FORMAT, METADATA_KEY
 from drake_shared.diagram import LOG_COLUMNS, AddSharedControl
 from drake_shared.errors import InputError
+from drake_shared.faults import Faults
 from drake_shared.files import replacing
 from drake_shared.learners import Learner
 from drake_shared.scenario import Goal, Scenario
@@ -119,6 +121,7 @@ class Simulation:
             :func:`drake_shared.diagram.MakeSharedControlDiagram`.
         look_ahead: Of the agent's controller, in [s].
         safety_clearance: Kept by a safety filter, in [m]; without one if None.
+        faults: What goes wrong on purpose.
         meshcat: Shows the trials, if given.
 
     Raises:
@@ -135,6 +138,7 @@ class Simulation:
         authority: Authority | bool | None = None,
         look_ahead: float = 0.6,
         safety_clearance: float | None = None,
+        faults: Faults | None = None,
         meshcat: Meshcat | None = None,
     ) -> None:
         # A second thread for products this small costs up to twenty times what it saves, and changes bits.
@@ -145,6 +149,7 @@ class Simulation:
         self.scenario_as_data = dataclasses.asdict(scenario)
         self.look_ahead = look_ahead
         self.safety_clearance = safety_clearance
+        self.faults = faults
         builder = DiagramBuilder()
         self.parts = AddSharedControl(
             builder,
@@ -155,6 +160,7 @@ class Simulation:
             authority=authority,
             look_ahead=look_ahead,
             safety_clearance=safety_clearance,
+            faults=faults,
             meshcat=meshcat,
         )
         self.diagram = builder.Build()
@@ -178,6 +184,47 @@ class Simulation:
         running.advance(self.scenario.duration)
         return running.finish()
 
+    def describe(self, settings: TrialSettings, *, learner: Learner | None = None) -> dict[str, Any]:
+        """The metadata of a trial to be run, all but its status; the arguments are those of `begin`."""
+        learner = learner or self.learner
+        gain = settings.confidence_gain
+        if gain is None and learner is not None:
+            gain = learner.confidence_gain
+        operator = self.parts.operator
+        described: dict[str, Any] = {
+            "format": LOG_FORMAT,
+            "version": LOG_VERSION,
+            "software": {"drake_shared": _version("drake_shared"), "drake": _version("drake")},
+            "scenario": self.scenario_as_data,
+            "learner": None if learner is None else learner.name,
+            "learner_id": None if learner is None else learner.metadata.get("id"),
+            "learner_file": None if learner is None else learner.metadata.get("file"),
+            "preset": None if learner is None else learner.preset,
+            "operator": type(operator).__name__,
+            "mode": self.mode_of(settings),
+            "arbitration": self.parts.arbitration,
+            "route": settings.route,
+            "then": settings.then,
+            "seed": settings.seed,
+            "end": settings.end,
+            "confidence_gain": gain,
+            "look_ahead": self.look_ahead,
+        }
+        if self.safety_clearance is not None:
+            described["safety_clearance"] = self.safety_clearance
+        if self.faults is not None:
+            described["faults"] = self.faults.to_json()
+        if isinstance(operator, SurrogateOperator):
+            described["behaviour"] = dataclasses.asdict(settings.behaviour)
+        if isinstance(operator, RecordedInput) and settings.recording is not None:
+            played = np.ascontiguousarray(settings.recording, dtype="<f8")
+            described["recording"] = hashlib.sha256(played.tobytes()).hexdigest()[:24]
+        return described
+
+    def mode_of(self, settings: TrialSettings) -> str:
+        """Who drives: an arbiter that leaves one of the two alone is that mode of the blend."""
+        return getattr(self.parts.blender, "alone", None) or settings.mode
+
 
 class RunningTrial:
     """A trial under way. Not made directly: :meth:`Simulation.begin` does."""
@@ -192,8 +239,6 @@ class RunningTrial:
         root = simulation.diagram.CreateDefaultContext()
         # First of all: it puts every parameter back to its default.
         simulation.diagram.SetRandomContext(root, RandomGenerator(settings.seed))
-        # An arbiter that leaves one of the two alone is that mode of the blend.
-        self._mode = getattr(parts.blender, "alone", None) or settings.mode
         if isinstance(parts.blender, ConfidenceBlender):
             parts.blender.set_mode(parts.blender.GetMyMutableContextFromRoot(root), settings.mode)
         elif settings.mode != "shared":
@@ -207,7 +252,7 @@ class RunningTrial:
                 learner,
                 confidence_gain=settings.confidence_gain,
                 # An agent that is alone has nobody's command to go by.
-                heed_command=self._mode != "agent",
+                heed_command=simulation.mode_of(settings) != "agent",
             )
         own = parts.operator.GetMyMutableContextFromRoot(root)
         if isinstance(parts.operator, SurrogateOperator):
@@ -262,38 +307,8 @@ class RunningTrial:
         columns = {"t": self._log.sample_times().copy()}
         columns |= dict(zip(parts.columns, self._log.data().copy(), strict=True))
         columns["contact"] = columns["contact"] > 0.5
-        described = self._describe() | metadata
+        described = self.simulation.describe(self.settings, learner=self.learner) | metadata
         return Trial(columns=columns, metadata=described | {"status": status or self.status or "stopped"})
-
-    def _describe(self) -> dict[str, Any]:
-        learner, settings = self.learner, self.settings
-        gain = settings.confidence_gain
-        if gain is None and learner is not None:
-            gain = learner.confidence_gain
-        operator = self.simulation.parts.operator
-        described: dict[str, Any] = {
-            "format": LOG_FORMAT,
-            "version": LOG_VERSION,
-            "software": {"drake_shared": _version("drake_shared"), "drake": _version("drake")},
-            "scenario": self.simulation.scenario_as_data,
-            "learner": None if learner is None else learner.name,
-            "learner_id": None if learner is None else learner.metadata.get("id"),
-            "preset": None if learner is None else learner.preset,
-            "operator": type(operator).__name__,
-            "mode": self._mode,
-            "arbitration": self.simulation.parts.arbitration,
-            "route": settings.route,
-            "then": settings.then,
-            "seed": settings.seed,
-            "end": settings.end,
-            "confidence_gain": gain,
-            "look_ahead": self.simulation.look_ahead,
-        }
-        if self.simulation.safety_clearance is not None:
-            described["safety_clearance"] = self.simulation.safety_clearance
-        if isinstance(operator, SurrogateOperator):
-            described["behaviour"] = dataclasses.asdict(settings.behaviour)
-        return described
 
 
 def run_trial(scenario: Scenario, learner: Learner | None = None, **settings: Any) -> Trial:

@@ -181,6 +181,8 @@ ALONE = ("simulate", "--mode", "human")
         (("fit-operator", "{log}", "{text}"), "{text} cannot be read as a log"),
         (("drive", "--scenario", "none"), "none must be a scenario file"),
         (("drive", "--model", "none"), "none must be a file"),
+        (("drive", "--safety", "5"), "must be from 0.001 to 1 m"),
+        (("drive", "--authority", "floor=2"), "must be from 0 to 1"),
     ],
 )
 def test_bad_input_is_status_2_and_one_line_that_names_it(cli, log, tmp_path, arguments, said):
@@ -218,7 +220,7 @@ def test_simulate_takes_an_operator_by_name(cli, tmp_path):
     assert status == 0
     told = read_log(json.loads(out)["trials"][0]["log"]).metadata
     assert (told["operator"], told["behaviour"]["pause"]) == ("SurrogateOperator", 2.0)
-    status, out, _ = cli(*ALONE, "--operator", "switching", "--json", "--out", tmp_path)
+    status, out, _ = cli(*ALONE, "--operator", "switching", "--json", "--out", tmp_path / "other")
     assert status == 0
     assert read_log(json.loads(out)["trials"][0]["log"]).metadata["then"] == "left_left"
 

@@ -17,6 +17,7 @@ from drake_shared.demonstrations import (
     write_demonstrations,
 )
 from drake_shared.errors import InputError
+from drake_shared.files import sha256_of
 
 
 def straight(count: int = 4, **options) -> Demonstration:
@@ -56,7 +57,8 @@ def test_what_is_written_is_read_back(tmp_path):
     read = read_demonstrations(tmp_path / "demos.parquet")
     assert read.scenario == "two_obstacles"
     np.testing.assert_array_equal(read.scores, [0.2, -1.0])
-    assert read[0].provenance == {"seed": 3}
+    held = {"kind": "demonstrations", "file": str(tmp_path / "demos.parquet")}
+    assert read[0].provenance == {"seed": 3, **held, "sha256": sha256_of(tmp_path / "demos.parquet")}
     for before, after in zip(written, read, strict=True):
         np.testing.assert_array_equal(before.times, after.times)
         np.testing.assert_array_equal(before.positions, after.positions)

@@ -14,7 +14,9 @@ from drake_shared.evaluation import (
     judge_confidence,
     predictions,
     recalibration,
+    ways_of,
 )
+from drake_shared.teaching import teach
 
 T = np.linspace(0.0, 10.0, 101)
 WAY = np.stack([0.5 * T, np.zeros_like(T)], -1)
@@ -98,3 +100,13 @@ def test_an_agent_that_expects_the_drivers_way_is_right(scenario, route_learner,
 def test_the_figure_is_a_picture(fake_learner, scattered, tmp_path):
     draw_reliability(evaluate(predictions(fake_learner(WAY), scattered)), tmp_path / "r.png")
     assert (tmp_path / "r.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_way_of_a_route_is_the_first_demonstration_that_passes_on_its_sides(scenario, fake_learner):
+    routes = {item.provenance["route"]: item for item in teach(scenario, seed=9)}
+    first, second = list(routes)[:2]
+    learner = fake_learner(WAY)
+    learner.demonstrations = np.array([routes[name].positions for name in (second, first, second)])
+    assert ways_of(scenario, learner) == {second: 0, first: 1}
+    learner.demonstrations = None
+    assert ways_of(scenario, learner) == {}

@@ -20,6 +20,7 @@ def taught(_two_obstacles):
 
 def test_there_is_one_of_each_route_from_start_to_goal(taught, scenario):
     assert [item.provenance["route"] for item in taught] == [route.name for route in scenario.routes]
+    assert {item.provenance["human_weight"] for item in taught} == {1.0}
     for item, route in zip(taught, scenario.routes, strict=True):
         np.testing.assert_array_equal(item.positions[0], [0.0, 0.0])
         assert np.linalg.norm(item.positions[-1] - [5.0, 0.0]) <= scenario.goal.radius

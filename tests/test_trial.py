@@ -194,7 +194,13 @@ def test_the_metadata_says_all_that_matters_and_is_json(simulation, scenario):
     trial = simulation.run(TrialSettings(seed=4, route="left_left", mode="human", end="duration"))
     told = json.loads(json.dumps(trial.metadata))
     assert told["scenario"]["name"] == "two_obstacles"
-    assert told["scenario"]["obstacles"][0] == {"name": "first", "x": 1.4, "y": 0.0, "radius": 0.25}
+    assert told["scenario"]["obstacles"][0] == {
+        "name": "first",
+        "x": 1.4,
+        "y": 0.0,
+        "radius": 0.25,
+        "path": [],
+    }
     assert (told["learner"], told["preset"], told["learner_id"]) == ("fake", "test", "fake")
     assert (told["operator"], told["mode"], told["route"]) == ("SurrogateOperator", "human", "left_left")
     assert (told["seed"], told["end"], told["look_ahead"]) == (4, "duration", 0.6)

@@ -22,6 +22,8 @@ _LEAVE_WITHIN = 2.0
 # Between two connections, in [s]: a flood of them must leave the simulation its processor.
 _BREATH = 0.002
 _NO_FILES_LEFT = 0.1
+# Bytes; nobody has more than a few hundred to say.
+_READ_AT_ONCE = 1 << 13
 
 
 class Door:
@@ -75,6 +77,8 @@ class Door:
             else:
                 try:
                     transport, _ = await loop.connect_accepted_socket(server, connection)
+                    # The event loop's own measure is 256 KiB, and the library quotes what it cannot read.
+                    transport.max_size = _READ_AT_ONCE  # type: ignore[attr-defined]
                     self._strangers[transport] = self._clock()
                 except OSError:
                     connection.close()

@@ -281,11 +281,11 @@ class CockpitServer:
 
 
 def _quiet_logger() -> logging.Logger:
-    """One that reports our own failures, but not what others say: they could fill the terminal."""
+    """One that reports our own failures, but not what others say or break off."""
     logger = logging.getLogger("drake_shared.cockpit")
     logger.addFilter(_is_ours)
     return logger
 
 
 def _is_ours(record: logging.LogRecord) -> bool:
-    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))
+    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError | ConnectionError))

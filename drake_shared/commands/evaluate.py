@@ -79,11 +79,11 @@ class Evaluate:
 
     def _judge(self, scenario, learner) -> dict[str, Any]:
         from drake_shared.ambiguity import ambiguity, ranking, weights
-        from drake_shared.evaluation import calibration_of_confidence, judge_confidence
+        from drake_shared.evaluation import calibration_of_confidence, judge_confidence, ways_of
         from drake_shared.trial import Simulation, TrialSettings
 
         simulation = Simulation(scenario, learner=learner)
-        ways = _ways(scenario, learner)
+        ways = ways_of(scenario, learner)
         parts, ambiguities = [], []
         for index in range(self.trials):
             route = scenario.routes[index % len(scenario.routes)]
@@ -99,19 +99,6 @@ class Evaluate:
         if ambiguities:
             judged |= {**weights(ambiguities), "ambiguity_ranking": ranking(ambiguities)}
         return judged
-
-
-def _ways(scenario, learner) -> dict[str, int]:
-    """For each route, the index of a demonstration that passes every obstacle on its side."""
-    from drake_shared.paths import passing_side
-
-    ways: dict[str, int] = {}
-    for index, path in enumerate(() if learner.demonstrations is None else learner.demonstrations):
-        sides = {item.name: passing_side(path, (item.x, item.y)) for item in scenario.obstacles}
-        for route in scenario.routes:
-            if route.sides == sides:
-                ways.setdefault(route.name, index)
-    return ways
 
 
 def _print(result: dict[str, Any]) -> None:

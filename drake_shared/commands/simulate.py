@@ -11,7 +11,6 @@ import tyro
 from drake_shared.behaviour import Behaviour
 from drake_shared.commands.common import open_learner, print_json, say
 from drake_shared.errors import InputError
-from drake_shared.files import check_writable
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -45,11 +44,19 @@ class Simulate:
     """End at the goal, or always at T."""
     safety: float | None = None
     """Clearance that a safety filter keeps to every obstacle, in m; no filter without it."""
+    fault: str | None = None
+    """What goes wrong, as NAME=VALUE,...: delay, jitter (s), loss, freeze_time, freeze (s) and human_nan of
+    the human's command; pose_noise, pose_drift (m), yaw_noise (rad) and pose_nan of the pose; slip of the
+    wheels; late_learner (s) and learner_nan. What is no length or time is a share, from 0 to 1."""
     behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
     workers: int = 1
     """Processes; the results do not depend on it."""
     out: Path | None = None
     """Folder for the logs; none are kept without it."""
+    resume: bool = False
+    """Take the trials whose logs are in the folder from there, and run the others."""
+    force: bool = False
+    """Begin anew in place of the logs that are in the folder."""
     json: bool = False
     """Print everything as one JSON object."""
 
@@ -59,6 +66,7 @@ class Simulate:
 
         from drake_shared.authority import parse_authority
         from drake_shared.batch import Batch, run_batch
+        from drake_shared.faults import parse_faults
         from drake_shared.metrics import summarize
         from drake_shared.scenario import load_scenario
         from drake_shared.systems.safety_filter import check_clearance
@@ -71,9 +79,11 @@ class Simulate:
         behaviour, switching, recording = self._operator(scenario)
         if self.safety is not None:
             check_clearance(self.safety, source="simulate")
+        faults = None if self.fault is None else parse_faults(self.fault)
+        if faults is not None:
+            alone = self.arbitration if self.arbitration in ("human", "agent") else self.mode
+            faults.check(mode=alone, duration=scenario.duration)
         model = self._model(scenario)
-        if self.out is not None:
-            check_writable(self.out)
         batch = Batch(
             scenario=self.scenario,
             model=None if model is None else str(model),
@@ -88,11 +98,11 @@ class Simulate:
             confidence_gain=self.confidence_gain,
             end=self.end,
             safety_clearance=self.safety,
+            faults=faults,
             out=None if self.out is None else str(self.out),
         )
-        rows = list(
-            tqdm(run_batch(batch, workers=self.workers), total=self.trials, unit="trial", disable=None)
-        )
+        ran = run_batch(batch, workers=self.workers, resume=self.resume, force=self.force)
+        rows = list(tqdm(ran, total=self.trials, unit="trial", disable=None))
         measured = [{k: v for k, v in row.items() if k not in ("seed", "route", "log")} for row in rows]
         summary = summarize(measured)
         if self.json:
@@ -100,7 +110,11 @@ class Simulate:
         else:
             print_summary(summary, len(rows))
         if self.out is not None:
-            say(f"wrote {len(rows)} logs to {self.out}")
+            say(
+                f"{len(rows)} logs are in {self.out}"
+                if self.resume
+                else f"wrote {len(rows)} logs to {self.out}"
+            )
 
     def _operator(self, scenario) -> tuple[Behaviour, bool, str | None]:
         """Behaviour, whether the route changes half-way, and the log to play back, if any."""

@@ -10,7 +10,15 @@ from drake_shared.experiments.drawing import BLACK, COLOURS, PURPLE, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
-from drake_shared.experiments.setting import measured, run, studied, train_all
+from drake_shared.experiments.setting import (
+    ALONE_COST,
+    TRIAL_COST,
+    measured,
+    run,
+    studied,
+    train_all,
+    training_cost,
+)
 from drake_shared.experiments.statistics import Claim, at_least, interval, not_worse, paired_claims
 
 OPERATORS = ("primary", "unskilled", "switching")
@@ -56,9 +64,6 @@ _MEASURES = {
 }
 _GROUP = 5
 _POINTS, _DISAGREEMENT, _HELP = 2.0, 0.1, 10.0
-_TRIAL_SECONDS = {"none": 0.04, "paper": 0.09, "default": 0.09, "mixture": 0.12}
-# Of a group, and of each in it.
-_TRAINING_SECONDS = {"none": (0.0, 0.0), "paper": (8.0, 2.0), "default": (1.0, 0.6), "mixture": (0.0, 3.0)}
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
@@ -77,8 +82,11 @@ def cost(task: Task) -> float:
     """Seconds of one core, roughly."""
     kind, learners = task.arguments["kind"], len(task.arguments["learners"])
     trials = task.arguments["trials"] * len(_LEARNERS[kind]) * len(OPERATORS)
-    together, each = _TRAINING_SECONDS[kind]
-    return together + learners * (0.2 + each + _TRIAL_SECONDS[kind] * trials)
+    if kind == "none":
+        return learners * ALONE_COST * trials
+    if kind == "mixture":
+        return learners * (2.0 + 1.5 * TRIAL_COST * trials)
+    return training_cost(kind, learners) + learners * TRIAL_COST * trials
 
 
 def run_arms(scenario: str | None, kind: str, learners: list[int], trials: int) -> list[dict[str, Any]]:

@@ -9,7 +9,17 @@ import numpy as np
 from drake_shared.engine import Task
 from drake_shared.experiments.drawing import COLOURS, draw_scene, new_figure
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
-from drake_shared.experiments.setting import as_demonstrations, drives, measured, run, scenario_of, train_all
+from drake_shared.experiments.setting import (
+    ALONE_COST,
+    TRIAL_COST,
+    as_demonstrations,
+    drives,
+    measured,
+    run,
+    scenario_of,
+    train_all,
+    training_cost,
+)
 from drake_shared.experiments.statistics import interval
 from drake_shared.operators import OPERATORS, changes_of_route
 
@@ -31,7 +41,7 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
 
 def cost(task: Task) -> float:
     """Seconds of one core, roughly."""
-    return 2.5 + 2 * 0.12 * task.arguments["trials"]
+    return training_cost("default", 1) + (ALONE_COST + TRIAL_COST) * task.arguments["trials"]
 
 
 def run_operator(scenario: str | None, name: str, trials: int) -> dict[str, Any]:

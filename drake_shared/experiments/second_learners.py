@@ -43,6 +43,7 @@ from drake_shared.experiments.second_shown import (
 )
 from drake_shared.experiments.section import Experiment, Section, Size
 from drake_shared.experiments.setting import (
+    TRIAL_COST,
     as_demonstrations,
     drives,
     measured,
@@ -59,7 +60,6 @@ TRIALS = 10
 _ADDED = 3
 _SEED, _STRIDE = 2_000_000, 100
 _BASE, _RUNS, _MORE, _TRIED = 0, 10, 30, 50
-_TRIAL_SECONDS = 0.07
 # With fewer repeats a bootstrap interval of 95% covers less than some 93%.
 _FEW = 20
 # Repeats in a task, and operators that share its first learners: what is trained side by side.
@@ -108,7 +108,7 @@ def cost(task: Task) -> float:
         given["setups"]
     )
     training = training_cost(preset, repeats) + training_cost(preset, repeats * operators * len(taught))
-    return training + _TRIAL_SECONDS * repeats * (_ADDED + operators * trials)
+    return training + TRIAL_COST * repeats * (_ADDED + operators * trials)
 
 
 def run_repeats(

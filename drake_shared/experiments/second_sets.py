@@ -12,7 +12,13 @@ from drake_shared.engine import Task
 from drake_shared.experiments.drawing import draw_scene, new_figure
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
-from drake_shared.experiments.setting import as_demonstrations, drives, scenario_of, train_all
+from drake_shared.experiments.setting import (
+    as_demonstrations,
+    drives,
+    scenario_of,
+    train_all,
+    training_cost,
+)
 from drake_shared.experiments.statistics import Estimate, interval
 from drake_shared.scenario import Scenario
 
@@ -21,7 +27,6 @@ _SEED, _REPEAT_STEP, _ADDED = 1_200_000, 100, 20
 for either set; its learner is trained from seed k."""
 _PRESETS = ("paper", "default")
 _TOGETHER = {"paper": 4, "default": 5}
-_SECONDS = {"paper": 12.0, "default": 0.6}
 _NAMES = {
     "paper": "Setup 1: shared control, preset paper",
     "default": "Setup 1: shared control, preset default",
@@ -47,7 +52,9 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
 
 def cost(task: Task) -> float:
     """Seconds of one core, roughly."""
-    return 2.5 + (1.2 + _SECONDS[task.arguments["preset"]]) * len(task.arguments["repeats"])
+    return 1.2 * len(task.arguments["repeats"]) + training_cost(
+        task.arguments["preset"], len(task.arguments["repeats"])
+    )
 
 
 def run_repeats(scenario: str | None, preset: str, repeats: list[int]) -> dict[str, Any]:

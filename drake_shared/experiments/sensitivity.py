@@ -10,7 +10,14 @@ from drake_shared.experiments.drawing import COLOURS, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
-from drake_shared.experiments.setting import measured, run, train_all
+from drake_shared.experiments.setting import (
+    ALONE_COST,
+    TRIAL_COST,
+    measured,
+    run,
+    train_all,
+    training_cost,
+)
 from drake_shared.experiments.statistics import Estimate, interval
 
 PRESETS = ("paper", "default")
@@ -24,13 +31,13 @@ _MEASURES = {
 }
 _STYLES = {"primary": "-", "unskilled": "--"}
 _GROUP = 5
-_TRIAL_SECONDS = 0.09
-# Of a group, and of each in it.
-_TRAINING_SECONDS = {"paper": (8.0, 2.0), "default": (1.0, 0.6)}
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
-    """One for each preset, number of demonstrations and five learners; half as many learners as elsewhere."""
+    """One for each preset, number of demonstrations and five learners; half as many learners as elsewhere.
+
+    A quick run takes the fewest and the most demonstrations alone.
+    """
     return [
         Task(
             "drake_shared.experiments.sensitivity:run_variants",
@@ -44,17 +51,22 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
             },
         )
         for preset in PRESETS
-        for count in COUNTS
+        for count in _counts(size)
         for learners in groups(_learners(size), _GROUP)
     ]
+
+
+def _counts(size: Size) -> tuple[int, ...]:
+    return COUNTS if size.all_arms else (COUNTS[0], COUNTS[-1])
 
 
 def cost(task: Task) -> float:
     """Seconds of one core, roughly."""
     told = task.arguments
-    together, each = _TRAINING_SECONDS[told["preset"]]
     trials = told["trials"] * len(told["factors"]) * len(OPERATORS)
-    return together + len(told["learners"]) * (each + 0.05 * told["count"] + _TRIAL_SECONDS * trials)
+    learners = len(told["learners"])
+    training = training_cost(told["preset"], learners)
+    return training + learners * (ALONE_COST * told["count"] + TRIAL_COST * trials)
 
 
 def run_variants(
@@ -96,14 +108,15 @@ def run_variants(
 def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
     """Curves over K and over demonstrations, with their numbers."""
     rows = [row for result in results for row in result]
-    by_gain = {"demonstrations": min(COUNTS)}
+    counts = _counts(size)
+    by_gain = {"demonstrations": min(counts)}
     by_count = {"factor": 1.0}
     return Section(
         title="Sensitivity to K and to the number of demonstrations",
         text=[
             "K of eq. (1) turns a variance into a confidence, and training calibrates it. Here learners of "
-            f"{min(COUNTS)} demonstrations take part with {number(FACTORS[0])} to {number(FACTORS[-1])} "
-            f"times that K, and others are taught {', '.join(str(count) for count in COUNTS)} "
+            f"{min(counts)} demonstrations take part with {number(FACTORS[0])} to {number(FACTORS[-1])} "
+            f"times that K, and others are taught {', '.join(str(count) for count in counts)} "
             "demonstrations, routes in turn, each set holding the smaller ones.",
             f"{_learners(size)} learners of each preset and {size.trials} trials with each of the simulated "
             f"operators {' and '.join(OPERATORS)}; learners, routes and seeds are the same along each curve. "
@@ -113,7 +126,7 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
             + "; ".join(_changes(rows, "factor", FACTORS, by_gain, "from the least K to the largest"))
             + "; "
             + "; ".join(
-                _changes(rows, "demonstrations", COUNTS, by_count, "from the fewest demonstrations to most")
+                _changes(rows, "demonstrations", counts, by_count, "from the fewest demonstrations to most")
             )
             + ".",
         ],
@@ -124,13 +137,13 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
                 "a less confident agent.",
             ),
             Picture.of(
-                _curves(rows, "demonstrations", COUNTS, by_count, "demonstrations"),
+                _curves(rows, "demonstrations", counts, by_count, "demonstrations"),
                 "The same over the number of demonstrations, at the calibrated K.",
             ),
         ],
         tables=[
             _table(rows, "factor", FACTORS, by_gain, "K / calibrated K"),
-            _table(rows, "demonstrations", COUNTS, by_count, "demonstrations"),
+            _table(rows, "demonstrations", counts, by_count, "demonstrations"),
         ],
         data={"sensitivity": rows},
     )

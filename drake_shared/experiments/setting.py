@@ -25,6 +25,8 @@ STUDIED = {
     "default": dataclasses.replace(PRESETS["default"], iterations=1_200, batch=32),
     "paper": PRESETS["paper"],
 }
+ALONE_COST, TRIAL_COST = 0.04, 0.08
+"""Seconds of one core that a trial takes, roughly: of the human alone, and with a learner."""
 # More than so many learners at once no longer fit into a processor's cache.
 SIDE_BY_SIDE = 30
 # A seed that fails is followed by another so far away that no two lists of seeds meet.

@@ -16,6 +16,7 @@ from drake_shared.experiments.drawing import COLOURS, draw_band, draw_scene, new
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
 from drake_shared.experiments.setting import (
+    TRIAL_COST,
     as_demonstrations,
     drives,
     measured,
@@ -23,6 +24,7 @@ from drake_shared.experiments.setting import (
     scenario_of,
     simulation_of,
     train_all,
+    training_cost,
 )
 from drake_shared.experiments.statistics import Claim, Estimate, claim, interval, paired_claims
 from drake_shared.learners import Learner
@@ -34,7 +36,6 @@ _DRIVES, _TRIALS, _LEARNER_STEP = 1_000_000, 1_100_000, 100
 is itself trained from seed k."""
 _PRESETS = ("paper", "default")
 _TOGETHER = {"paper": 4, "default": 5}
-_SECONDS = {"paper": 12.0, "default": 0.6}
 _MOMENTS = (0.1, 0.3, 0.5, 0.7)
 """At which the intention is shown, as shares of the travel time."""
 _SMALLEST_WEIGHT, _SMALLEST_AREA = 0.1, 0.05
@@ -60,8 +61,9 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
 def cost(task: Task) -> float:
     """Seconds of one core, roughly."""
     told = task.arguments
-    each = 0.4 + _SECONDS[told["preset"]] + 0.12 * told["trials"]
-    return 2.5 + each * len(told["learners"]) + (3.0 if 0 in told["learners"] else 0.0)
+    each = 0.4 + TRIAL_COST * told["trials"]
+    training = training_cost(told["preset"], len(told["learners"]))
+    return training + each * len(told["learners"]) + (3.0 if 0 in told["learners"] else 0.0)
 
 
 def run_learners(scenario: str | None, preset: str, learners: list[int], trials: int) -> dict[str, Any]:

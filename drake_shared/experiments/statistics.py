@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 RESAMPLES = 10_000
+FEWEST = 6
+"""Of fewer independent values no signed-rank test can reach 5%, and a bootstrap's interval is too narrow."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -159,9 +161,9 @@ def verdict(estimate: Estimate, smallest: float) -> str:
 
     Returns:
         "holds" if all of it lies above ``smallest``, "reversed" if all lies below its negative, "equivalent"
-        if all lies between the two, else "open".
+        if all lies between the two, else, and with fewer than six values, "open".
     """
-    if not (math.isfinite(estimate.low) and math.isfinite(estimate.high)) or estimate.count < 2:
+    if not (math.isfinite(estimate.low) and math.isfinite(estimate.high)) or estimate.count < FEWEST:
         return "open"
     if estimate.low > smallest:
         return "holds"

@@ -13,7 +13,13 @@ from drake_shared.engine import Task
 from drake_shared.experiments.drawing import COLOURS, ROUTES, draw_band, draw_scene, new_figure
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
-from drake_shared.experiments.setting import as_demonstrations, drives, scenario_of, train_all
+from drake_shared.experiments.setting import (
+    as_demonstrations,
+    drives,
+    scenario_of,
+    train_all,
+    training_cost,
+)
 from drake_shared.experiments.statistics import Claim, Estimate, claim, interval, paired_claims
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
@@ -23,8 +29,6 @@ _SEED = 910_000
 _PRESETS = ("paper", "default")
 _TOGETHER = {"paper": 2, "default": 5}
 """So many seeds are trained side by side, plain and weighted each."""
-_SECONDS = {"paper": 12.0, "default": 0.6}
-"""That a learner takes."""
 _NEARER, _MET, _ON_ROUTE = 0.02, 0.05, 0.1
 """In [m]: the smallest effect of interest, and what counts as meeting a condition and as on a route."""
 
@@ -81,7 +85,7 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
 
 def cost(task: Task) -> float:
     """Seconds of one core, roughly."""
-    return 2.5 + 2 * _SECONDS[task.arguments["preset"]] * len(task.arguments["seeds"])
+    return training_cost(task.arguments["preset"], 2 * len(task.arguments["seeds"]))
 
 
 def run_seeds(scenario: str | None, preset: str, seeds: list[int]) -> dict[str, Any]:

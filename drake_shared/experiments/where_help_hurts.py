@@ -11,7 +11,14 @@ from drake_shared.experiments.drawing import new_figure
 from drake_shared.experiments.matched import by_learner, settings, taught
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size
-from drake_shared.experiments.setting import measured, run, train_all
+from drake_shared.experiments.setting import (
+    ALONE_COST,
+    TRIAL_COST,
+    measured,
+    run,
+    train_all,
+    training_cost,
+)
 from drake_shared.experiments.statistics import Estimate, interval
 
 PRESETS = ("paper", "default")
@@ -27,8 +34,7 @@ _MEASURES = {
     "intent_success": ("intent success", "points", 100.0, -1.0),
     "human_effort": ("human effort", "rad", 1.0, 1.0),
 }
-_LEAST, _TRIALS = 3, 6
-_ALONE_SECONDS, _ASSISTED_SECONDS, _TRAINING_SECONDS = 0.045, 0.095, 12.0
+_LEAST, _TRIALS = 2, 6
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
@@ -48,8 +54,9 @@ def cost(task: Task) -> float:
     """Seconds of one core, roughly."""
     grid = task.arguments["grid"]
     cells = len(grid["skills"]) * sum(len(grid[name]) for name in RANGES)
-    trial = _ALONE_SECONDS + len(PRESETS) * _ASSISTED_SECONDS
-    return _TRAINING_SECONDS + trial * cells * task.arguments["trials"]
+    trial = ALONE_COST + len(PRESETS) * TRIAL_COST
+    training = sum(training_cost(preset, 1) for preset in PRESETS)
+    return training + trial * cells * task.arguments["trials"]
 
 
 def run_maps(

@@ -20,7 +20,7 @@ from drake_shared.learners.blending import make_blend, wander_basis
 from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
 from drake_shared.learners.cesn import CesnLearner
 from drake_shared.learners.cesn_model import CesnModel, encode, features, within
-from drake_shared.learners.dataset import Dataset, make_dataset
+from drake_shared.learners.dataset import Dataset, data_record, make_dataset
 from drake_shared.learners.parameters import find_parameters
 from drake_shared.learners.reservoir import echo_states
 
@@ -82,8 +82,7 @@ def train_cesn(
         first = fit.learner(preset, metadata, confidence_gain=1.0)
         gain = calibrate(first, demonstrations, resolution=0.5 * fit.noise * dataset.spread)
     metadata["training"] = {
-        "data_sha256": dataset.digest,
-        "demonstrations": len(demonstrations),
+        **data_record(demonstrations, dataset),
         "versions": {
             "numpy": np.__version__,
             "scipy": scipy.__version__,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,8 @@ SPACING = 0.1
 """Of the grid, in [s]; with half of it the human's weight changes by less than 0.005."""
 FEWEST_STEPS, MOST_STEPS = 20, 2_000
 """Bounds on the grid, for tasks of less than 2 s or more than 200 s: the spacing follows from them."""
+
+_OF_A_SOURCE = ("kind", "file", "sha256", "operator", "route", "seed", "mode", "human_weight", "learner_id")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +86,20 @@ def make_dataset(
     )
 
 
+def data_record(demonstrations: Demonstrations, dataset: Dataset) -> dict[str, Any]:
+    """What the training record of every learner says of its data, so that they can be traced.
+
+    Returns:
+        ``data_sha256``; ``demonstrations``, how many; ``sources``, of each what is known of where it comes
+        from: file, sha256, kind, operator, route, seed, mode, human_weight, learner_id.
+    """
+    return {
+        "data_sha256": dataset.digest,
+        "demonstrations": len(demonstrations),
+        "sources": [_source(item.provenance) for item in demonstrations],
+    }
+
+
 def make_grid(duration: float) -> NDArray[np.float64]:
     """Times from 0 to ``duration`` at about 0.1 s, shape (N,)."""
     steps = int(np.clip(round(duration / SPACING), FEWEST_STEPS, MOST_STEPS))
@@ -101,6 +119,15 @@ def normalisation(dataset: Dataset, *, centred: bool) -> tuple[float, NDArray[np
     corners = dataset.positions.reshape(-1, 2)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     return 0.5 * dataset.extent or 1.0, np.broadcast_to(middle, dataset.mean_path.shape).copy()
+
+
+def _source(provenance: Mapping[str, Any]) -> dict[str, Any]:
+    known = {name: provenance[name] for name in _OF_A_SOURCE if provenance.get(name) is not None}
+    return {
+        name: value.item() if isinstance(value, np.generic) else value
+        for name, value in known.items()
+        if isinstance(value, str | int | float | np.generic)
+    }
 
 
 def _digest(demonstrations: Demonstrations) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.errors import InputError
 from drake_shared.learners.calibration import calibrate
-from drake_shared.learners.dataset import make_dataset
+from drake_shared.learners.dataset import data_record, make_dataset
 
 WEIGHTS_PER_AXIS = 25
 # Of the spread of the demonstrations: how far an observed position may be from the way it belongs to.
@@ -94,7 +94,7 @@ class PrompLearner:
                 "preset": preset,
                 "clock": "progress",
                 "evidence": "pose+command",
-                "training": {"data_sha256": dataset.digest, "demonstrations": len(demonstrations)},
+                "training": data_record(demonstrations, dataset),
             },
         )
         learner.confidence_gain = calibrate(learner, demonstrations, resolution=learner.noise)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +12,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from drake_shared.errors import InputError
-from drake_shared.files import replacing
+from drake_shared.files import replacing, sha256_of
 from drake_shared.learners.interface import Learner
 from drake_shared.learners.registry import find_learner
 
@@ -56,9 +54,22 @@ def load_learner(path: str | os.PathLike[str]) -> Learner:
     """
     description, tensors = _read(path)
     kind = find_learner(str(description.get("learner")), source=path)
-    content = hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    description |= {"id": content[:16], "file": os.fspath(path)}
+    description |= {"id": learner_id(path), "file": os.fspath(path)}
     return kind.from_file(path, tensors, description)
+
+
+def learner_id(path: str | os.PathLike[str]) -> str:
+    """What logs call the learner of a file by: the first 16 hexadecimal digits of the content's SHA-256."""
+    return sha256_of(path)[:16]
+
+
+def read_description(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """All that a learner's file holds besides tensors; its learner need not be known here.
+
+    Raises:
+        InputError: The file is missing, broken, of another format or of a version newer than known here.
+    """
+    return _read(path)[0]
 
 
 def _read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

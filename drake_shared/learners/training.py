@@ -17,7 +17,7 @@ from drake_shared.demonstrations import Demonstrations
 from drake_shared.errors import InputError
 from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
 from drake_shared.learners.cnmp import CnmpLearner
-from drake_shared.learners.dataset import Dataset, make_dataset
+from drake_shared.learners.dataset import Dataset, data_record, make_dataset
 from drake_shared.learners.optimisation import Optimisation, Progress
 from drake_shared.learners.parameters import TrainingParameters, find_parameters
 
@@ -206,8 +206,7 @@ def training_metadata(
     """What a learner's file says of its scenario, of how it is to be used and of how it was trained."""
     record = {
         "parameters": parameters.to_json(),
-        "data_sha256": dataset.digest,
-        "demonstrations": len(demonstrations),
+        **data_record(demonstrations, dataset),
         "versions": {
             "torch": torch.__version__,
             "numpy": np.__version__,

@@ -57,6 +57,9 @@ class DiffDrivePlant(LeafSystem):
         start: Pose at the start; the default of the state.
         period: Of the update, in [s].
         scene_graph: If given, the robot's looks are registered there, and ``geometry_pose`` places them.
+        obstacles_move: Whether some may come upon the robot. In a step they stand where they are at its
+            beginning; one that has come to overlap the body at its end counts as contact of that step. It
+            passes through: the robot is not pushed, but cannot drive any further in.
     """
 
     def __init__(
@@ -66,6 +69,7 @@ class DiffDrivePlant(LeafSystem):
         start: Start | None = None,
         period: float = 0.05,
         scene_graph: SceneGraph | None = None,
+        obstacles_move: bool = False,
     ) -> None:
         super().__init__()
         if not (math.isfinite(period) and period > 0):
@@ -89,12 +93,19 @@ class DiffDrivePlant(LeafSystem):
         self.DeclareAbstractOutputPort(
             "geometry_pose", lambda: Value(FramePoseVector()), self._calc_geometry_pose, {pose_ticket}
         )
-        self.DeclareStateOutputPort("contact", self._contact_index)
+        query_ticket = self.input_port_ticket(self._query_port.get_index())
+        if obstacles_move:
+            contact_ticket = self.discrete_state_ticket(self._contact_index)
+            self.DeclareVectorOutputPort(
+                "contact", 1, self._calc_contact, {pose_ticket, contact_ticket, query_ticket}
+            )
+        else:
+            self.DeclareStateOutputPort("contact", self._contact_index)
         self._clearance_port = self.DeclareVectorOutputPort(
             "clearance",
             1,
             self._calc_clearance,
-            {pose_ticket, self.input_port_ticket(self._query_port.get_index())},
+            {pose_ticket, query_ticket},
         )
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
@@ -122,6 +133,10 @@ class DiffDrivePlant(LeafSystem):
     def _calc_clearance(self, context: Context, output: BasicVector) -> None:
         x, y, _ = context.get_discrete_state(self._pose_index).value().tolist()
         output[0] = self._gap(self._query(context), x, y)
+
+    def _calc_contact(self, context: Context, output: BasicVector) -> None:
+        stopped = context.get_discrete_state(self._contact_index)[0] > 0.5
+        output[0] = float(stopped or self._clearance_port.Eval(context)[0] <= 2 * _MARGIN)
 
     def _query(self, context: Context) -> QueryObject | None:
         return self._query_port.Eval(context) if self._query_port.HasValue(context) else None

@@ -48,7 +48,7 @@ class DynamicPlant(DiffDrivePlant):
 
     Args:
         robot: Sizes and limits; its SDF file must have its wheels on joints left_axle and right_axle.
-        obstacles: What the body runs into.
+        obstacles: What the body runs into. One that moves keeps to its path and pushes the robot away.
         start: Pose at the start; the default of the state.
         period: Of the update, in [s].
         scene_graph: If given, the robot's looks are registered there, and ``geometry_pose`` places them.
@@ -91,7 +91,9 @@ class DynamicPlant(DiffDrivePlant):
         dynamics, step = self._dynamics, self._period / self._steps
         dynamics.take_up(context.get_discrete_state(self._multibody_index).value())
         contact = False
+        now = context.get_time()
         for index in range(self._steps):
+            dynamics.move_obstacles(now + index * step)
             # The speed in the middle of a step covers the way of the whole.
             dynamics.step(speeds_after(self._robot, (left, right), command, (index + 0.5) * step))
             contact = dynamics.touches() or contact

@@ -73,6 +73,21 @@ class _Estimate(Intention):
     by_command: float
 
 
+def _lost(now: float, grid: np.ndarray, first: int) -> _Estimate:
+    """What is expected of a robot of which it is not known where it is."""
+    return _Estimate(
+        time=now,
+        times=grid,
+        mean=np.full((len(grid), 2), math.nan),
+        variance=np.full((len(grid), 2), math.inf),
+        first=first,
+        confidence=0.0,
+        mean_variance=math.inf,
+        expected=np.full(2 * _MOMENTS, math.nan),
+        by_command=0.0,
+    )
+
+
 class IntentionEstimator(LeafSystem):
     """Conditions a learner on where the robot is, and says how sure the outcome is.
 
@@ -89,7 +104,8 @@ class IntentionEstimator(LeafSystem):
         - influence
 
     Inputs:
-        pose (3): [x, y, yaw] in [m, m, rad], world frame.
+        pose (3): [x, y, yaw] in [m, m, rad], world frame. Where it is no number nothing is expected, and c_f
+            is 0.
         human_command (2): Wheel speeds [left, right] in [rad/s]; may be left open. Evidence for learners
             whose evidence is "pose+command", and not looked at for others.
 
@@ -186,6 +202,10 @@ class IntentionEstimator(LeafSystem):
             now = prepared.clock.advance(reached, x, y)
         first = prepared.first_after(now)
         later = prepared.later[first]
+        if not math.isfinite(x + y + yaw):
+            # To go on from the last pose would be to guess, with the robot on its way: the human drives.
+            output.set_value(_lost(now, prepared.grid, first))
+            return
         times, positions = [now], [(x, y)]
         pointed = self._pointed(context, x, y, yaw) if prepared.heeds_command else None
         if pointed is not None:

@@ -33,7 +33,8 @@ class SafetyFilter(LeafSystem):
         - intervention
 
     Inputs:
-        pose (3): [x, y, yaw] in [m, m, rad], world frame.
+        pose (3): [x, y, yaw] in [m, m, rad], world frame. Where it is no number nobody knows what is safe,
+            and the robot is braked.
         wheel_speed (2): [left, right] in [rad/s].
         wheel_command (2): [left, right] in [rad/s], wanted. What is no number counts as zero.
         geometry_query: QueryObject of a SceneGraph with convex obstacles that stand still.
@@ -91,6 +92,9 @@ class SafetyFilter(LeafSystem):
         left, right = self._wanted(context)
         if math.isfinite(clearance):
             x, y, yaw = self._pose_port.Eval(context).tolist()
+            if not math.isfinite(x + y + yaw):
+                output.set_value([0.0, 0.0])
+                return
             wheel_left, wheel_right = self._speed_port.Eval(context).tolist()
             left, right = safe_command(
                 self._robot,

@@ -65,7 +65,7 @@ def test_verdicts_follow_from_the_learners():
             "clock_area": 0.8,
         }
         for preset, clear, area in (("paper", 0.88, 0.5), ("default", 0.1, 1.0))
-        for index in range(4)
+        for index in range(6)
     ]
     verdicts = [claim.verdict for claim in shared_run._claims(learners)]
     assert verdicts == ["equivalent", "holds", "reversed", "holds", "equivalent", "holds"]

@@ -69,7 +69,7 @@ def test_grids():
     full, quick = (where_help_hurts.tasks(None, size) for size in (FULL, QUICK))
     assert [len(values) for values in full[0].arguments["grid"].values()] == [5, 5, 5]
     assert [len(values) for values in quick[0].arguments["grid"].values()] == [3, 3, 3]
-    assert len(full) > len(quick) >= 3
+    assert len(full) > len(quick) >= 2
 
 
 def test_fewer_demonstrations_are_the_first_of_more():

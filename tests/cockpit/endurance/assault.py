@@ -17,9 +17,9 @@ from served import MemoryWatch, Served, read_pace
 LATE = 0.01
 """Share of control steps that may be late by more than a period."""
 GROWTH = 10.0
-"""Memory in [MB] that an assault may leave behind."""
+"""Memory in [MB] that the second half of an assault may add: the first fills what is then used again."""
 PEAK = 40.0
-"""Memory in [MB] that it may take meanwhile."""
+"""Memory in [MB] that all of it may add."""
 AGE = 150.0
 """Age in [ms] at which a driver's sample no longer counts; 99% must be younger."""
 ENDS = {"reached", "timed_out", "stopped"}
@@ -35,7 +35,7 @@ def run(seconds: float, names: list[str]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as logs:
         served = Served(Path(logs))
         try:
-            _attack(served, "nothing", _WARM_UP)
+            _attack(served, "nothing", min(_WARM_UP, seconds))
             results = {name: _attack(served, name, seconds) for name in names if served.runs}
         finally:
             errors = served.stop()
@@ -48,15 +48,16 @@ def _attack(served: Served, name: str, seconds: float) -> dict[str, Any]:
     before = served.memory()
     # The driver is there a little longer than the assault, so that all of it falls on a drive.
     commands = [
-        [sys.executable, str(_HERE / "driver.py"), served.address, str(seconds + 1.0)],
+        [sys.executable, str(_HERE / "driver.py"), served.address, str(seconds + 0.5)],
         [sys.executable, str(_HERE / "attacks.py"), name, served.address, str(seconds)],
     ]
     with MemoryWatch(served) as memory:
         jobs = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for command in commands]
         driven, attacked = (json.loads(job.communicate(timeout=seconds + 60.0)[0]) for job in jobs)
+    half = float(np.interp(np.mean([memory.times[0], memory.times[-1]]), memory.times, memory.values))
     # Connections may be dropped when their time is over, not at once.
     deadline = time.monotonic() + _SETTLE
-    while served.memory() - before > GROWTH and time.monotonic() < deadline:
+    while served.memory() - half > GROWTH and time.monotonic() < deadline:
         time.sleep(0.1)
     trips = driven["round_trips"]
     return {
@@ -66,7 +67,7 @@ def _attack(served: Served, name: str, seconds: float) -> dict[str, Any]:
         "round_trip_p50": round(float(np.percentile(trips, 50)), 1) if trips else None,
         "round_trip_p99": round(float(np.percentile(trips, 99)), 1) if trips else None,
         "memory": round(before, 1),
-        "growth": round(served.memory() - before, 1),
+        "growth": round(served.memory() - half, 1),
         "peak": round(max(memory.values) - before, 1),
         "errors": driven["errors"] + attacked["errors"],
     }

@@ -1,0 +1,65 @@
+"""Obstacles on given paths: where each is depends on time alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pydrake.common.value import Value
+from pydrake.geometry import FramePoseVector, GeometryFrame, SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
+
+from drake_shared.obstacles import Obstacle, obstacle_geometry, position_at
+
+
+class MovingObstacles(LeafSystem):
+    """Moves obstacles along their paths.
+
+    .. pydrake_system::
+
+        name: MovingObstacles
+        output_ports:
+        - geometry_pose
+
+    Outputs:
+        geometry_pose: FramePoseVector of the obstacles' frames. Depends on time alone, so that a query of the
+            SceneGraph is no part of a loop.
+
+    Args:
+        obstacles: Those that move.
+        scene_graph: Where they are registered, to be felt and seen.
+    """
+
+    def __init__(self, *, obstacles: Sequence[Obstacle], scene_graph: SceneGraph) -> None:
+        super().__init__()
+        self._obstacles = tuple(obstacles)
+        self._source = scene_graph.RegisterSource("moving_obstacles")
+        self._frames = []
+        for obstacle in self._obstacles:
+            frame = scene_graph.RegisterFrame(self._source, GeometryFrame(obstacle.name))
+            for geometry in obstacle_geometry(obstacle, 0.0, 0.0):
+                scene_graph.RegisterGeometry(self._source, frame, geometry)
+            self._frames.append(frame)
+        self.DeclareAbstractOutputPort(
+            "geometry_pose", lambda: Value(FramePoseVector()), self._calc_poses, {self.time_ticket()}
+        )
+
+    def _calc_poses(self, context: Context, output: Value) -> None:
+        poses = FramePoseVector()
+        for obstacle, frame in zip(self._obstacles, self._frames, strict=True):
+            poses.set_value(frame, RigidTransform([*position_at(obstacle, context.get_time()), 0.0]))
+        output.set_value(poses)
+
+
+def AddMovingObstacles(
+    builder: DiagramBuilder, scene_graph: SceneGraph, obstacles: Sequence[Obstacle]
+) -> MovingObstacles | None:
+    """Adds those of ``obstacles`` that move to ``builder`` and ``scene_graph``; nothing if none does."""
+    moving = [item for item in obstacles if item.path]
+    if not moving:
+        return None
+    system = MovingObstacles(obstacles=moving, scene_graph=scene_graph)
+    system = builder.AddNamedSystem("moving_obstacles", system)
+    port = scene_graph.get_source_pose_port(system._source)
+    builder.Connect(system.GetOutputPort("geometry_pose"), port)
+    return system

@@ -1,0 +1,120 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drake_shared.errors import RunError
+from drake_shared.experiments import generations, setting
+from drake_shared.experiments.section import Size
+
+TINY = Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=2, trials=1)
+
+
+@pytest.fixture(scope="module")
+def brief():
+    """Learners that are barely trained, one generation, and an operator who manages in spite of them."""
+    with pytest.MonkeyPatch.context() as patch:
+        studied = {
+            name: dataclasses.replace(one, iterations=20, restarts=0) for name, one in setting.STUDIED.items()
+        }
+        patch.setattr(setting, "STUDIED", studied)
+        patch.setattr(generations, "OPERATOR", "primary")
+        patch.setattr(generations, "_QUICK_GENERATIONS", 1)
+        yield
+
+
+@pytest.fixture(scope="module")
+def results(brief):
+    return [task.run() for task in generations.tasks(None, TINY)]
+
+
+def made_up(*, loss=0.0, error=0.0, gap=0.0):
+    """Rows of eight repeats in which shared runs cost that much of what the frozen learner has."""
+    return [
+        {
+            "preset": preset,
+            "repeat": repeat,
+            "arm": arm,
+            "generation": generation,
+            "intent_success": 0.8 - loss * (arm == "shared") * generation,
+            "human_effort": 50.0,
+            "disagreement": 500.0 + repeat + gap * (arm == "shared") * generation,
+            "mean_human_weight": 0.5,
+            "expected_calibration_error": 0.1 + error * (arm == "shared") * generation,
+            "confident_and_wrong": 0.0,
+            "autonomy_share": 0.25 if arm == "shared" else 0.0,
+        }
+        for preset in generations.PRESETS
+        for repeat in range(8)
+        for arm in generations.ARMS
+        for generation in (0, 1)
+    ]
+
+
+def test_each_generation_of_both_fed_arms_has_three_runs_more_and_the_frozen_learner_none(results):
+    rows = [row for result in results for row in result]
+    assert len(rows) == 2 * 2 * 3 * 2
+    for row in rows:
+        fed = row["arm"] != "frozen"
+        assert row["demonstrations"] == 3 + 3 * row["generation"] * fed
+
+
+def test_only_shared_runs_are_made_by_autonomy(results):
+    for row in (row for result in results for row in result):
+        if row["arm"] == "shared" and row["generation"]:
+            # A third and more of the data are the human's own.
+            assert 0.0 < row["autonomy_share"] < 1.0 - 1.0 / (1 + row["generation"])
+        else:
+            assert row["autonomy_share"] == 0.0
+
+
+def test_all_arms_begin_with_the_learner_that_the_frozen_one_stays(results):
+    rows = [row for result in results for row in result]
+    for preset in generations.PRESETS:
+        for repeat in (0, 1):
+            own = [row for row in rows if (row["preset"], row["repeat"]) == (preset, repeat)]
+            same = [row for row in own if row["arm"] == "frozen" or row["generation"] == 0]
+            told = {(row["disagreement"], row["confidence_gain"], row["human_effort"]) for row in same}
+            assert len(told) == 1
+            grown = [row for row in own if row not in same]
+            assert len(grown) == len({row["confidence_gain"] for row in grown} - {same[0]["confidence_gain"]})
+
+
+def test_the_same_task_gives_the_same_rows(brief, results):
+    assert generations.run_repeats(None, "default", [0, 1], 1, 1) == results[1]
+
+
+def test_a_repeat_whose_operator_cannot_go_on_is_told_and_left_out(brief, monkeypatch):
+    def drives(*arguments, seed, learner=None, **others):
+        if learner is not None and seed >= generations._seed(1):
+            raise RunError("stuck")
+        return setting.drives(*arguments, seed=seed, learner=learner, **others)
+
+    monkeypatch.setattr(generations, "drives", drives)
+    rows = generations.run_repeats(None, "default", [0, 1], 1, 1)
+    assert [row["repeat"] for row in rows] == [0] * 6 + [1]
+    assert rows[-1]["failed"] == "stuck"
+    text = " ".join(generations.report(None, TINY, [made_up(), rows]).text)
+    assert "with preset paper autonomy made 25% of the shared arm's data" in text
+    assert "1 repeats are missing" in text
+    assert "default, arm shared, generation 1" in text
+
+
+def test_the_report_follows_the_rows(results):
+    section = generations.report(None, TINY, results)
+    assert len(section.pictures) == 2
+    assert [len(table.rows) for table in section.tables] == [2 * 3, 2 * 3]
+    assert [claim.estimate.count for claim in section.claims] == [2] * 6
+
+
+@pytest.mark.parametrize(
+    ("cost", "verdicts"),
+    [
+        ({}, ["holds", "equivalent", "holds"]),
+        ({"loss": 0.1, "error": 0.05, "gap": 50.0}, ["reversed"] * 3),
+        ({"loss": -0.1, "error": -0.05, "gap": -50.0}, ["holds"] * 3),
+    ],
+)
+def test_verdicts_follow_from_the_rows(cost, verdicts):
+    claims = generations._claims(made_up(**cost), 1)
+    assert [claim.verdict for claim in claims] == list(np.repeat(verdicts, 2))
