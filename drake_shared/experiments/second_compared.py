@@ -44,10 +44,12 @@ class Measure:
 
 
 # Over a drive of 10 s, 20 rad/s are 0.05 rad/s on each wheel in each step: half of the operator's own noise,
-# and some 4% of what is usual. Two trials in a hundred; 2 of some 85 rad; 1 cm of some 15 in clearance.
+# and some 4% of what is usual; as a rate, 0.1 rad/s for both together. Two
+# trials in a hundred; 2 of some 85 rad; 1 cm of some 15 in clearance.
 MEASURES = {
     "disagreement": Measure(better="lower", smallest=20.0, unit="rad/s", paper=True),
     "mean_human_weight": Measure(better="lower", smallest=0.02, unit="", paper=True),
+    "disagreement_rate": Measure(better="lower", smallest=0.1, unit="rad/s", paper=False),
     "intent_success": Measure(better="higher", smallest=0.02, unit="", paper=False),
     "human_effort": Measure(better="lower", smallest=2.0, unit="rad", paper=False),
     "clearance": Measure(better="higher", smallest=0.01, unit="m", paper=False),

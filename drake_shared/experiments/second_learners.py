@@ -241,7 +241,9 @@ def _text(
         "Differences are paired; intervals are 95% by bootstrap over repeats, p is of Wilcoxon's signed-rank "
         "test, and both are adjusted by Holm's method over operators and both measures of a preset. Other "
         "arms, the control, and what the paper did not look at (intent success, the human's effort, "
-        f"clearance) are families of their own. Smallest effects of interest: {smallest}.",
+        "clearance, disagreement per second) are families of their own. The paper's disagreement is a sum "
+        "over a trial, so a robot that is stuck until time is over adds much to it and one that arrives soon "
+        f"little; its rate is free of that. Smallest effects of interest: {smallest}.",
     ]
     text += [
         _said(preset, answers) for preset in PRESETS if any(one.cell.preset == preset for one in answers)
