@@ -21,6 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import ArrayLike, NDArray
 
+from drake_shared.arrays import read_only
 from drake_shared.errors import InputError
 from drake_shared.files import replacing, sha256_of
 
@@ -58,9 +59,9 @@ class Demonstration:
     source: str = "demonstration"
 
     def __post_init__(self) -> None:
-        times = _read_only(self.times)
-        positions = _read_only(self.positions)
-        yaws = None if self.yaws is None else _read_only(self.yaws)
+        times = read_only(self.times)
+        positions = read_only(self.positions)
+        yaws = None if self.yaws is None else read_only(self.yaws)
         if times.ndim != 1 or len(times) < 2:
             raise InputError(self.source, "t", "must hold at least 2 points", f"shape {times.shape}")
         if positions.shape != (len(times), 2):
@@ -280,12 +281,6 @@ def load_scorer(name: str) -> Scorer:
     if not callable(scorer):
         raise InputError("score", name, "must be callable", type(scorer).__name__)
     return scorer
-
-
-def _read_only(values: ArrayLike) -> NDArray[np.float64]:
-    array = np.array(values, dtype=float)
-    array.setflags(write=False)
-    return array
 
 
 def _read_table(path: Path) -> tuple[pa.Table, dict[str, Any]]:

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import norm
 
+from drake_shared.arrays import path_at
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.errors import InputError
 from drake_shared.files import replacing
@@ -69,7 +70,7 @@ def predictions(
     ends: list[float] = []
     for item in demonstrations:
         inside = grid[(grid >= item.times[0]) & (grid <= item.times[-1])]
-        path = np.stack([np.interp(inside, item.times, item.positions[:, axis]) for axis in (0, 1)], axis=-1)
+        path = path_at(item.positions, item.times, inside)
         for step in range(0, len(inside) - 1, every):
             shown = path[step] + noise * rng.standard_normal(2)
             mean, variance = learner.predict(inside[step : step + 1], shown[None], inside[step + 1 :])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_shared.arrays import path_at
 from drake_shared.demonstrations import Demonstrations, read_demonstrations
 from drake_shared.files import models_directory
 from drake_shared.learners import Learner, load_learner
@@ -86,7 +87,7 @@ def with_grid(learner: CnmpLearner, count: int) -> CnmpLearner:
     grid = np.linspace(0.0, learner.duration, count)
 
     def resampled(path: np.ndarray) -> np.ndarray:
-        return np.stack([np.interp(grid, model.grid, path[:, axis]) for axis in (0, 1)], axis=-1)
+        return path_at(path, model.grid, grid)
 
     return CnmpLearner(
         dataclasses.replace(

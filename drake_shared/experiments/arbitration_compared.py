@@ -8,7 +8,7 @@ from typing import Any
 from drake_shared.engine import Task
 from drake_shared.experiments.drawing import BLACK, COLOURS, PURPLE, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
-from drake_shared.experiments.report import number
+from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
 from drake_shared.experiments.setting import (
     ALONE_COST,
@@ -268,10 +268,7 @@ def _table(rows: Sequence[Mapping[str, Any]], operator: str) -> Table:
             [
                 LABELS[arm],
                 _NAMES[kind],
-                *(
-                    f"{number(one.mean)} [{number(one.low)}, {number(one.high)}]" if one.count else "–"
-                    for one in estimates
-                ),
+                *(with_interval(one) if one.count else "–" for one in estimates),
             ]
         )
     head = [title if unit == "1" else f"{title}, {unit}" for title, unit, _ in _MEASURES.values()]

@@ -13,7 +13,7 @@ from drake_shared.errors import RunError
 from drake_shared.evaluation import calibration_of_confidence, judge_confidence, ways_of
 from drake_shared.experiments.drawing import COLOURS, new_figure
 from drake_shared.experiments.matched import groups
-from drake_shared.experiments.report import number
+from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
 from drake_shared.experiments.setting import (
     as_demonstrations,
@@ -303,7 +303,7 @@ def _difference(
     rows: Sequence[Mapping[str, Any]], measure: str, preset: str, one: str, other: str, last: int
 ) -> str:
     found = paired(*(_values(rows, measure, preset, arm, last) for arm in (one, other))).estimate
-    return f"{number(found.mean)} [{number(found.low)}, {number(found.high)}]"
+    return with_interval(found)
 
 
 def _outcome(rows: Sequence[Mapping[str, Any]], last: int) -> str:
@@ -372,7 +372,7 @@ def _means_table(rows: Sequence[Mapping[str, Any]], last: int) -> Table:
                 [
                     preset,
                     arm,
-                    *(f"{number(one.mean)} [{number(one.low)}, {number(one.high)}]" for one in found),
+                    *(with_interval(one) for one in found),
                 ]
             )
     return Table(

@@ -15,7 +15,7 @@ from drake_shared.engine import Task
 from drake_shared.errors import InputError
 from drake_shared.experiments.drawing import BLACK, COLOURS, draw_scene, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
-from drake_shared.experiments.report import number
+from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
 from drake_shared.experiments.setting import (
     as_demonstrations,
@@ -583,7 +583,7 @@ def _table(rows: Sequence[Mapping[str, Any]], operator: str) -> Table:
 
 def _told(values: np.ndarray) -> str:
     found = interval(values)
-    return f"{number(found.mean)} [{number(found.low)}, {number(found.high)}]" if found.count else "–"
+    return with_interval(found) if found.count else "–"
 
 
 EXPERIMENT = Experiment(name="mispredictions", tasks=tasks, cost=cost, report=report)

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from drake_shared.experiments.section import Section, Table
-from drake_shared.experiments.statistics import Claim
+from drake_shared.experiments.statistics import Claim, Estimate
 from drake_shared.files import replacing
 
 _STYLE = """
@@ -146,7 +146,7 @@ def _claims(claims: Sequence[Claim]) -> str:
         more += [] if claim.p is None else [f"p = {number(claim.p)}"]
         rows.append(
             f"<tr><td>{html.escape(claim.text)}</td>"
-            f"<td>{number(estimate.mean)} [{number(estimate.low)}, {number(estimate.high)}] {unit}"
+            f"<td>{with_interval(estimate)} {unit}"
             f"{'<br>' if more else ''}{', '.join(more)}</td>"
             f"<td>{number(claim.smallest)} {unit}</td><td>{estimate.count}</td>"
             f'<td class="verdict {claim.verdict}">{claim.verdict}</td></tr>'
@@ -156,6 +156,11 @@ def _claims(claims: Sequence[Claim]) -> str:
         "<th>smallest effect</th><th>n</th><th>verdict</th></tr></thead>"
         f"<tbody>{''.join(rows)}</tbody></table></div>"
     )
+
+
+def with_interval(estimate: Estimate) -> str:
+    """A mean and its interval, as `number` writes each."""
+    return f"{number(estimate.mean)} [{number(estimate.low)}, {number(estimate.high)}]"
 
 
 def number(value: float | None) -> str:

@@ -10,7 +10,8 @@ from drake_shared.demonstration_figure import draw_weights_on
 from drake_shared.demonstrations import Demonstration, Demonstrations, sampling_weights
 from drake_shared.engine import Task
 from drake_shared.experiments.drawing import draw_scene, new_figure
-from drake_shared.experiments.report import number
+from drake_shared.experiments.matched import groups
+from drake_shared.experiments.report import with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
 from drake_shared.experiments.setting import (
     as_demonstrations,
@@ -19,7 +20,7 @@ from drake_shared.experiments.setting import (
     train_all,
     training_cost,
 )
-from drake_shared.experiments.statistics import Estimate, interval
+from drake_shared.experiments.statistics import interval
 from drake_shared.scenario import Scenario
 
 _SEED, _REPEAT_STEP, _ADDED = 1_200_000, 100, 20
@@ -42,11 +43,11 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
             {
                 "scenario": scenario,
                 "preset": preset,
-                "repeats": list(range(first, min(first + _TOGETHER[preset], size.learners))),
+                "repeats": repeats,
             },
         )
         for preset in _PRESETS
-        for first in range(0, size.learners, _TOGETHER[preset])
+        for repeats in groups(size.learners, _TOGETHER[preset])
     ]
 
 
@@ -142,7 +143,7 @@ def _table(rows: list[dict[str, Any]]) -> Table:
         repeats = sorted({row["repeat"] for row in own})
 
         def over(new: bool, measure: str, how: Any, own: Any = own, repeats: Any = repeats) -> str:
-            return _cell(
+            return with_interval(
                 interval(
                     [
                         how([row[measure] for row in own if row["repeat"] == repeat and row["new"] == new])
@@ -171,10 +172,6 @@ def _table(rows: list[dict[str, Any]]) -> Table:
         ],
         rows=lines,
     )
-
-
-def _cell(estimate: Estimate) -> str:
-    return f"{number(estimate.mean)} [{number(estimate.low)}, {number(estimate.high)}]"
 
 
 def _figure(world: Scenario, shown: dict[str, list[dict[str, Any]]]) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 from drake_shared.engine import Task
 from drake_shared.experiments.drawing import COLOURS, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
-from drake_shared.experiments.report import number
+from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
 from drake_shared.experiments.setting import (
     ALONE_COST,
@@ -247,7 +247,7 @@ def _table(
                         preset,
                         operator,
                         number(value),
-                        *(f"{number(one.mean)} [{number(one.low)}, {number(one.high)}]" for one in estimates),
+                        *(with_interval(one) for one in estimates),
                     ]
                 )
     return Table(

@@ -13,7 +13,8 @@ from drake_shared.ambiguity import PARTED, TOGETHER, Ambiguity, ambiguity, ranki
 from drake_shared.authority import authority_for
 from drake_shared.engine import Task
 from drake_shared.experiments.drawing import COLOURS, draw_band, draw_scene, new_figure
-from drake_shared.experiments.report import number
+from drake_shared.experiments.matched import groups
+from drake_shared.experiments.report import with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
 from drake_shared.experiments.setting import (
     TRIAL_COST,
@@ -26,7 +27,7 @@ from drake_shared.experiments.setting import (
     train_all,
     training_cost,
 )
-from drake_shared.experiments.statistics import Claim, Estimate, claim, interval, paired_claims
+from drake_shared.experiments.statistics import Claim, claim, interval, paired_claims
 from drake_shared.learners import Learner
 from drake_shared.replay import write_replay
 from drake_shared.trial import Trial, TrialSettings
@@ -49,12 +50,12 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
             {
                 "scenario": scenario,
                 "preset": preset,
-                "learners": list(range(first, min(first + _TOGETHER[preset], size.learners))),
+                "learners": learners,
                 "trials": size.trials,
             },
         )
         for preset in _PRESETS
-        for first in range(0, size.learners, _TOGETHER[preset])
+        for learners in groups(size.learners, _TOGETHER[preset])
     ]
 
 
@@ -266,7 +267,7 @@ def _table(rows: list[dict[str, Any]], learners: list[dict[str, Any]]) -> Table:
         ]
         success = np.mean([row["intent_success"] for row in rows if row["preset"] == preset])
         told += [_of(learners, preset, name) for name in ("area", "clock_area")]
-        estimates = [_cell(interval(values)) for values in told]
+        estimates = [with_interval(interval(values)) for values in told]
         lines.append([preset, *shares, *estimates, f"{100 * success:.0f}%"])
     return Table(
         caption="Means over learners with 95% bootstrap intervals. Steps that are neither ambiguous nor "
@@ -283,10 +284,6 @@ def _table(rows: list[dict[str, Any]], learners: list[dict[str, Any]]) -> Table:
         ],
         rows=lines,
     )
-
-
-def _cell(estimate: Estimate) -> str:
-    return f"{number(estimate.mean)} [{number(estimate.low)}, {number(estimate.high)}]"
 
 
 def _moments_figure(scenario: str | None, shown: list[dict[str, Any]]) -> Any:

@@ -11,7 +11,8 @@ import numpy as np
 from drake_shared.demonstrations import sampling_weights
 from drake_shared.engine import Task
 from drake_shared.experiments.drawing import COLOURS, ROUTES, draw_band, draw_scene, new_figure
-from drake_shared.experiments.report import number
+from drake_shared.experiments.matched import groups
+from drake_shared.experiments.report import with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
 from drake_shared.experiments.setting import (
     as_demonstrations,
@@ -75,11 +76,11 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
             {
                 "scenario": scenario,
                 "preset": preset,
-                "seeds": list(range(first, min(first + _TOGETHER[preset], size.learners))),
+                "seeds": seeds,
             },
         )
         for preset in _PRESETS
-        for first in range(0, size.learners, _TOGETHER[preset])
+        for seeds in groups(size.learners, _TOGETHER[preset])
     ]
 
 
@@ -283,7 +284,7 @@ def _table(rows: list[dict[str, Any]]) -> Table:
 def _cell(estimate: Estimate) -> str:
     if not estimate.count:
         return "–"
-    return f"{number(estimate.mean)} [{number(estimate.low)}, {number(estimate.high)}]"
+    return with_interval(estimate)
 
 
 def _figure(world: Scenario, results: list[Any], scores: np.ndarray, shares: np.ndarray) -> Any:

@@ -39,6 +39,17 @@ def make_blend(
     return shares, widening * np.sqrt(unbiased)
 
 
+def left_unknown(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How much of how a way may be driven its demonstrations leave open, as a standard deviation, shape (m,).
+
+    Of n demonstrations of a way a share of 1/n of the variance is left.
+
+    Args:
+        shares: Shape (m, m), of `make_blend`.
+    """
+    return np.sqrt(np.square(shares).sum(axis=1))
+
+
 def wander_basis(steps: int) -> NDArray[np.float64]:
     """Smooth ways to stray from a path, shape (6, N).
 

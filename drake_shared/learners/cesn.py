@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drake_shared.arrays import path_at, read_only
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.cesn_file import cesn_from_file, cesn_to_file
 from drake_shared.learners.cesn_model import CesnModel, at_times, encode, features, within
 from drake_shared.learners.doubt import Doubt
+from drake_shared.learners.interface import check_query
 
 Array = NDArray[np.float64]
 
@@ -50,8 +52,8 @@ class CesnLearner:
         self.preset = model.preset
         self.confidence_gain = model.confidence_gain
         self.duration = float(model.grid[-1])
-        self.grid = _read_only(model.grid)
-        self.demonstrations: Array | None = _read_only(model.demonstrations)
+        self.grid = read_only(model.grid)
+        self.demonstrations: Array | None = read_only(model.demonstrations)
         self.metadata = dict(model.metadata)
         self._doubt = Doubt(
             grid=self.grid,
@@ -103,12 +105,7 @@ class CesnLearner:
 
     def predict(self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike) -> tuple[Array, Array]:
         """Mean (Q, 2) in [m] and variance (Q, 2) in [m^2] at ``query_times`` (Q,); see `Learner.predict`."""
-        observed_times = np.asarray(times, dtype=float)
-        observed = np.asarray(positions, dtype=float)
-        queries = np.asarray(query_times, dtype=float)
-        if observed_times.ndim != 1 or observed.shape != (len(observed_times), 2) or queries.ndim != 1:
-            shapes = f"{observed_times.shape}, {observed.shape} and {queries.shape}"
-            raise ValueError(f"predict needs shapes (n,), (n, 2) and (Q,), got {shapes}")
+        observed_times, observed, queries = check_query(times, positions, query_times)
         start = len(self.grid) - len(queries)
         on_grid = start >= 0 and bool((queries == self.grid[start:]).all())
         first = start if on_grid else 0
@@ -122,7 +119,7 @@ class CesnLearner:
             mean, variance = self._conditioned(observed_times, observed, first)
         if on_grid:
             return mean.copy(), variance.copy()
-        return self._interpolate(mean, queries), self._interpolate(variance, queries)
+        return path_at(mean, self.grid, queries), path_at(variance, self.grid, queries)
 
     def _conditioned(self, times: Array, positions: Array, first: int) -> tuple[Array, Array]:
         """Mean and variance (N - first, 2) on the grid from ``first`` on; ``times`` within [0, T]."""
@@ -137,10 +134,6 @@ class CesnLearner:
         variance = np.exp(logs + self._lift) + self._doubt(times, positions)
         return mean.T, variance.T
 
-    def _interpolate(self, path: Array, times: Array) -> Array:
-        """``path`` (N, 2) of the grid at ``times`` (n,), held beyond its ends."""
-        return np.stack([np.interp(times, self.grid, path[:, axis]) for axis in (0, 1)], axis=-1)
-
     def _moments(self) -> tuple[Array, Array]:
         """Mean and variance (N, 2) of the demonstrations themselves."""
         model = self.model
@@ -149,9 +142,3 @@ class CesnLearner:
         variance = np.square(model.demonstrations - mean).mean(axis=0)
         variance += (model.sigma_floor * model.scale) ** 2
         return mean, variance * model.sigma_scale**2
-
-
-def _read_only(values: Array) -> Array:
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array

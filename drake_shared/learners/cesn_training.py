@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from threadpoolctl import threadpool_limits
 
+from drake_shared.arrays import path_at
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.errors import InputError
-from drake_shared.learners.blending import make_blend, wander_basis
+from drake_shared.learners.blending import left_unknown, make_blend, wander_basis
 from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
 from drake_shared.learners.cesn import CesnLearner
 from drake_shared.learners.cesn_model import CesnModel, encode, features, within
@@ -122,8 +123,7 @@ class _Fit:
             self._paths, reach=self._drawn.blending, widening=self._drawn.widening
         )
         self._strays = np.sqrt(self._shares) * gains[:, None]
-        # Of n demonstrations of a way, a share of 1/n of what is not known of it is left.
-        self._unknown = self._drawn.wandering * np.sqrt(np.square(self._shares).sum(axis=1))
+        self._unknown = self._drawn.wandering * left_unknown(self._shares)
         self._wander = wander_basis(len(self._states))
         size = self._modes.shape[-1]
         self.hidden = min(MOST_HIDDEN, _HIDDEN_PER_MODE * size)
@@ -263,9 +263,7 @@ def _ridge(read: Floats, weights: Floats | None = None) -> Callable[[Floats], Fl
 def _at_phases(paths: Array, count: int) -> Array:
     """Paths (m, N, 2) of even steps at ``count`` even phases: shape (m, P + 1, 2)."""
     phases, grid = np.linspace(0.0, 1.0, count), np.linspace(0.0, 1.0, paths.shape[1])
-    return np.stack(
-        [np.stack([np.interp(phases, grid, path[:, axis]) for axis in (0, 1)], axis=-1) for path in paths]
-    )
+    return np.stack([path_at(path, grid, phases) for path in paths])
 
 
 def _principal_modes(paths: Array) -> Array:

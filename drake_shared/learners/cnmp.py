@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drake_shared.arrays import path_at, read_only
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.arithmetic import aggregate_each, softplus
 from drake_shared.learners.cnmp_file import cnmp_from_file, cnmp_to_file
 from drake_shared.learners.cnmp_model import CnmpModel
 from drake_shared.learners.doubt import Doubt
 from drake_shared.learners.features import time_features
+from drake_shared.learners.interface import check_query
 
 
 class CnmpLearner:
@@ -40,8 +42,8 @@ class CnmpLearner:
         self.preset = model.preset
         self.confidence_gain = model.confidence_gain
         self.duration = float(model.grid[-1])
-        self.grid = _read_only(model.grid)
-        self.demonstrations: NDArray[np.float64] | None = _read_only(model.demonstrations)
+        self.grid = read_only(model.grid)
+        self.demonstrations: NDArray[np.float64] | None = read_only(model.demonstrations)
         self.metadata = dict(model.metadata)
         self._doubt = Doubt(
             grid=self.grid,
@@ -102,10 +104,10 @@ class CnmpLearner:
         self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean (Q, 2) in [m] and variance (Q, 2) in [m^2] at ``query_times`` (Q,); see `Learner.predict`."""
-        seen_times, seen, queries = _checked(times, positions, query_times)
+        seen_times, seen, queries = check_query(times, positions, query_times)
         if not len(seen_times):
             mean, variance = self._prior
-            return self._interpolate(mean, queries), self._interpolate(variance, queries)
+            return path_at(mean, self.grid, queries), path_at(variance, self.grid, queries)
         (answer,) = self._answers(seen_times, seen, queries, [len(seen_times)])
         return answer
 
@@ -116,7 +118,7 @@ class CnmpLearner:
 
         Much of a prediction's time is that of calling numpy, which is called as often for several as for one.
         """
-        seen_times, seen, queries = _checked(times, positions, query_times)
+        seen_times, seen, queries = check_query(times, positions, query_times)
         return self._answers(seen_times, seen, queries, range(1, len(seen_times) + 1))
 
     def _answers(
@@ -212,12 +214,8 @@ class CnmpLearner:
         features = time_features(queries, self.duration, self.model.harmonics).astype(np.float32)
         return _Queries(
             hidden=np.ascontiguousarray((features @ self._time_weights + self._time_bias).T),
-            way=np.ascontiguousarray(self._interpolate(self.model.reference, queries).T),
+            way=np.ascontiguousarray(path_at(self.model.reference, self.grid, queries).T),
         )
-
-    def _interpolate(self, path: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """``path`` (N, 2) of the grid at ``times`` (n,), held beyond its ends."""
-        return np.stack([np.interp(times, self.grid, path[:, axis]) for axis in (0, 1)], axis=-1)
 
     def _moments(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and variance (N, 2) of the demonstrations themselves."""
@@ -247,21 +245,3 @@ class _Queries:
         return _Queries(
             hidden=np.ascontiguousarray(self.hidden[:, start:]), way=np.ascontiguousarray(self.way[:, start:])
         )
-
-
-def _checked(
-    times: ArrayLike, positions: ArrayLike, query_times: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    seen_times = np.asarray(times, dtype=float)
-    seen = np.asarray(positions, dtype=float)
-    queries = np.asarray(query_times, dtype=float)
-    if seen_times.ndim != 1 or seen.shape != (len(seen_times), 2) or queries.ndim != 1:
-        shapes = f"{seen_times.shape}, {seen.shape} and {queries.shape}"
-        raise ValueError(f"predict needs shapes (n,), (n, 2) and (Q,), got {shapes}")
-    return seen_times, seen, queries
-
-
-def _read_only(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array

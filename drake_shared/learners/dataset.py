@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drake_shared.arrays import path_at
 from drake_shared.demonstrations import Demonstration, Demonstrations, sampling_weights
 from drake_shared.errors import InputError
 
@@ -109,7 +110,7 @@ def make_grid(duration: float) -> NDArray[np.float64]:
 def resample(demonstration: Demonstration, grid: NDArray[np.float64]) -> NDArray[np.float64]:
     """Its positions at ``grid`` (N,) after its first point, shape (N, 2)."""
     times = demonstration.times - demonstration.times[0]
-    return np.stack([np.interp(grid, times, demonstration.positions[:, axis]) for axis in (0, 1)], axis=-1)
+    return path_at(demonstration.positions, times, grid)
 
 
 def normalisation(dataset: Dataset, *, centred: bool) -> tuple[float, NDArray[np.float64]]:

@@ -56,6 +56,21 @@ class Learner(Protocol):
         ...
 
 
+def check_query(times: ArrayLike, positions: ArrayLike, query_times: ArrayLike) -> tuple[Array, Array, Array]:
+    """The arguments of `Learner.predict` as arrays.
+
+    Raises:
+        ValueError: They have other shapes.
+    """
+    seen_times = np.asarray(times, dtype=float)
+    seen = np.asarray(positions, dtype=float)
+    queries = np.asarray(query_times, dtype=float)
+    if seen_times.ndim != 1 or seen.shape != (len(seen_times), 2) or queries.ndim != 1:
+        shapes = f"{seen_times.shape}, {seen.shape} and {queries.shape}"
+        raise ValueError(f"predict needs shapes (n,), (n, 2) and (Q,), got {shapes}")
+    return seen_times, seen, queries
+
+
 def mean_variance(query_times: ArrayLike, variance: ArrayLike, t: float) -> float:
     """The mean variance of eq. (1) of Amirshirzad et al. 2022: over the queries after t, and over x and y.
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drake_shared.arrays import path_at
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.errors import InputError
 from drake_shared.learners.calibration import calibrate
@@ -165,8 +166,7 @@ class PrompLearner:
         variance = np.maximum(variance, 0.0) + self.floor**2
         queries = np.asarray(query_times, dtype=float)
         return tuple(  # type: ignore[return-value]
-            np.stack([np.interp(queries, self.grid, values[:, axis]) for axis in (0, 1)], axis=-1)
-            for values in (mean, variance)
+            path_at(values, self.grid, queries) for values in (mean, variance)
         )
 
 

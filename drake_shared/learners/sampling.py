@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from drake_shared.learners.blending import make_blend, wander_basis
+from drake_shared.learners.blending import left_unknown, make_blend, wander_basis
 from drake_shared.learners.parameters import TrainingParameters
 
 ENOUGH, HELD_OUT = 60, 0.1
@@ -123,8 +123,7 @@ class _Pupil:
             shares, gains = make_blend(paths, reach=reach, widening=parameters.widening)
             self._shares = torch.tensor(shares, dtype=torch.float32)
             self._spreads = torch.tensor(np.sqrt(shares) * gains[:, None], dtype=torch.float32)
-            # Of n demonstrations of a way, a share of 1/n of what is not known of it is left.
-            unknown = parameters.wandering * lesson.unit * np.sqrt(np.square(shares).sum(axis=1))
+            unknown = parameters.wandering * lesson.unit * left_unknown(shares)
             self._wandering = torch.tensor(unknown, dtype=torch.float32)
             self._wander = torch.tensor(wander_basis(paths.shape[1]), dtype=torch.float32)
 
