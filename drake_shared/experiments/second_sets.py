@@ -175,7 +175,7 @@ def _table(rows: list[dict[str, Any]]) -> Table:
 
 
 def _figure(world: Scenario, shown: dict[str, list[dict[str, Any]]]) -> Any:
-    figure, axes = new_figure(3.1 * len(shown), rows=len(shown), columns=2, width_ratios=(3, 2))
+    figure, axes = new_figure(3.6 * len(shown), rows=len(shown), columns=2, width_ratios=(3, 2))
     for (left, right), (name, drawn) in zip(axes, shown.items(), strict=True):
         items = [
             Demonstration(
@@ -189,7 +189,7 @@ def _figure(world: Scenario, shown: dict[str, list[dict[str, Any]]]) -> Any:
         left.set(xlim=(space.x_min, space.x_max), ylim=(space.y_min, space.y_max))
         left.set_title(_NAMES[name], fontsize=9)
         right.set(xlabel="score, m")
-        left.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=2, frameon=False)
+        left.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.25), ncols=2, frameon=False)
     # One range of scores for all, or the rows could not be compared.
     scores = [one["score"] for drawn in shown.values() for one in drawn]
     margin = 0.1 * (max(scores) - min(scores))
