@@ -19,7 +19,7 @@ from drake_shared.experiments.setting import (
     train_all,
     training_cost,
 )
-from drake_shared.experiments.statistics import Claim, at_least, interval, not_worse, paired_claims
+from drake_shared.experiments.statistics import Claim, at_least, claim, interval, not_worse, paired_claims
 
 OPERATORS = ("primary", "unskilled", "switching")
 ARMS: Mapping[str, dict[str, Any]] = {
@@ -62,12 +62,14 @@ _MEASURES = {
     "completion_time": ("time", "s", 1.0),
     "smoothness": ("smoothness (SPARC)", "1", 1.0),
 }
-_GROUP = 5
+_GROUP = 10
 _POINTS, _DISAGREEMENT, _HELP = 2.0, 0.1, 10.0
+_KEPT = 0.9
+"""Share of the gain."""
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
-    """One for each kind of learner and five learners of it."""
+    """One for each kind of learner and ten learners of it."""
     return [
         Task(
             "drake_shared.experiments.arbitration_compared:run_arms",
@@ -143,7 +145,10 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
 
 
 def claims(rows: Sequence[Mapping[str, Any]]) -> list[Claim]:
-    """The mixture against the CNMP in the same arm, and the unskilled operator's gain from sharing."""
+    """The mixture against the CNMP in the same arm, and the unskilled operator's gain from sharing.
+
+    Of that gain also what is kept where the human is kept in charge.
+    """
     # Bonferroni's, for the questions that are asked together.
     level = 1.0 - 0.05 / len(OPERATORS)
     found = [
@@ -185,6 +190,20 @@ def claims(rows: Sequence[Mapping[str, Any]]) -> list[Claim]:
         )
         for kind in ("default", "paper")
     ]
+    gained, kept = (
+        100.0 * (by_learner(rows, "intent_success", kind="default", operator="unskilled", arm=arm) - alone)
+        for arm in ("blend", "guarded")
+    )
+    found.append(
+        claim(
+            f"Keeping the human in charge keeps at least {number(100.0 * _KEPT)}% of what the blend gains "
+            f"({number(kept.mean())} of {number(gained.mean())} points of the unskilled operator's intent "
+            "success, preset default; the number is what is kept beyond that share)",
+            kept - _KEPT * gained,
+            smallest=0.0,
+            unit="points",
+        )
+    )
     return found
 
 

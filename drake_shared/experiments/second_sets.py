@@ -27,7 +27,7 @@ _SEED, _REPEAT_STEP, _ADDED = 1_200_000, 100, 20
 """Seeds: repeat k begins with drives from _SEED + 100 k on and adds drives from 20 after that on, the same
 for either set; its learner is trained from seed k."""
 _PRESETS = ("paper", "default")
-_TOGETHER = {"paper": 4, "default": 5}
+_TOGETHER = {"paper": 10, "default": 5}
 _NAMES = {
     "paper": "Setup 1: shared control, preset paper",
     "default": "Setup 1: shared control, preset default",

@@ -37,7 +37,7 @@ class Size:
 
 
 FULL = Size(name="full", repeats=100, other_repeats=20, all_arms=True, learners=20, trials=10)
-QUICK = Size(name="quick", repeats=10, other_repeats=0, all_arms=False, learners=3, trials=4)
+QUICK = Size(name="quick", repeats=10, other_repeats=0, all_arms=False, learners=2, trials=3)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -34,7 +34,7 @@ _GROUP = 5
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
-    """One for each preset, number of demonstrations and five learners; half as many learners as elsewhere.
+    """One for each preset and five learners of each number of demonstrations; half as many as elsewhere.
 
     A quick run takes the fewest and the most demonstrations alone.
     """
@@ -45,13 +45,12 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
                 "scenario": scenario,
                 "preset": preset,
                 "learners": learners,
-                "count": count,
-                "factors": FACTORS if count == min(COUNTS) else (1.0,),
+                "counts": _counts(size),
+                "factors": FACTORS,
                 "trials": size.trials,
             },
         )
         for preset in PRESETS
-        for count in _counts(size)
         for learners in groups(_learners(size), _GROUP)
     ]
 
@@ -63,26 +62,33 @@ def _counts(size: Size) -> tuple[int, ...]:
 def cost(task: Task) -> float:
     """Seconds of one core, roughly."""
     told = task.arguments
-    trials = told["trials"] * len(told["factors"]) * len(OPERATORS)
-    learners = len(told["learners"])
-    training = training_cost(told["preset"], learners)
-    return training + learners * (ALONE_COST * told["count"] + TRIAL_COST * trials)
+    learners, counts = len(told["learners"]), told["counts"]
+    trials = told["trials"] * (len(told["factors"]) + len(counts) - 1) * len(OPERATORS)
+    training = training_cost(told["preset"], learners * len(counts))
+    return training + learners * (ALONE_COST * sum(counts) + TRIAL_COST * trials)
 
 
 def run_variants(
-    scenario: str | None, preset: str, learners: list[int], count: int, factors: list[float], trials: int
+    scenario: str | None,
+    preset: str,
+    learners: list[int],
+    counts: list[int],
+    factors: list[float],
+    trials: int,
 ) -> list[dict[str, Any]]:
-    """Trials with learners of so many demonstrations at multiples of their K.
+    """Trials with learners of so many demonstrations, those of the fewest at multiples of their K as well.
 
     Args:
         scenario: File or name.
         preset: Of the learners.
         learners: Their indices; they fix demonstrations, trainings and trials.
-        count: Of demonstrations.
+        counts: Of demonstrations.
         factors: Of the calibrated K.
         trials: With each operator and factor.
     """
-    sets = [taught(scenario, index, count=count) for index in learners]
+    kinds = [(count, index) for count in counts for index in learners]
+    sets = [taught(scenario, index, count=count) for count, index in kinds]
+    trained = train_all(sets, [index for _, index in kinds], preset=preset)
     return [
         measured(
             run(
@@ -98,8 +104,8 @@ def run_variants(
             demonstrations=count,
             confidence_gain=factor * learner.confidence_gain,
         )
-        for index, learner in zip(learners, train_all(sets, learners, preset=preset), strict=True)
-        for factor in factors
+        for (count, index), learner in zip(kinds, trained, strict=True)
+        for factor in (factors if count == min(counts) else (1.0,))
         for operator in OPERATORS
         for trial in range(trials)
     ]

@@ -36,7 +36,7 @@ _DRIVES, _TRIALS, _LEARNER_STEP = 1_000_000, 1_100_000, 100
 """Seeds: learner k is taught by drives from _DRIVES + 100 k on, helps in trials from _TRIALS + 100 k on, and
 is itself trained from seed k."""
 _PRESETS = ("paper", "default")
-_TOGETHER = {"paper": 4, "default": 5}
+_TOGETHER = {"paper": 10, "default": 5}
 _MOMENTS = (0.1, 0.3, 0.5, 0.7)
 """At which the intention is shown, as shares of the travel time."""
 _SMALLEST_WEIGHT, _SMALLEST_AREA = 0.1, 0.05

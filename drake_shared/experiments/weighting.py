@@ -28,7 +28,7 @@ from drake_shared.scenario import Scenario
 _SEED = 910_000
 """Of the demonstrations, which are the same for all; training seeds are counted from 0."""
 _PRESETS = ("paper", "default")
-_TOGETHER = {"paper": 2, "default": 5}
+_TOGETHER = 5
 """So many seeds are trained side by side, plain and weighted each."""
 _NEARER, _MET, _ON_ROUTE = 0.02, 0.05, 0.1
 """In [m]: the smallest effect of interest, and what counts as meeting a condition and as on a route."""
@@ -80,7 +80,7 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
             },
         )
         for preset in _PRESETS
-        for seeds in groups(size.learners, _TOGETHER[preset])
+        for seeds in groups(size.learners, _TOGETHER)
     ]
 
 

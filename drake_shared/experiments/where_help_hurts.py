@@ -8,7 +8,7 @@ from typing import Any
 from drake_shared.behaviour import Behaviour
 from drake_shared.engine import Task
 from drake_shared.experiments.drawing import new_figure
-from drake_shared.experiments.matched import by_learner, settings, taught
+from drake_shared.experiments.matched import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size
 from drake_shared.experiments.setting import (
@@ -34,19 +34,19 @@ _MEASURES = {
     "intent_success": ("intent success", "points", 100.0, -1.0),
     "human_effort": ("human effort", "rad", 1.0, 1.0),
 }
-_LEAST, _TRIALS = 2, 6
+_LEAST, _GROUP, _TRIALS = 2, 4, 6
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
-    """One for each learner: both presets of it, all cells of both maps."""
+    """One for four learners: both presets of each, all cells of both maps."""
     coarse = slice(None, None, 2) if size.name == "quick" else slice(None)
     grid = {"skills": SKILLS[coarse], **{name: values[coarse] for name, values in RANGES.items()}}
     return [
         Task(
             "drake_shared.experiments.where_help_hurts:run_maps",
-            {"scenario": scenario, "learner": learner, "trials": min(size.trials, _TRIALS), "grid": grid},
+            {"scenario": scenario, "learners": learners, "trials": min(size.trials, _TRIALS), "grid": grid},
         )
-        for learner in range(max(_LEAST, 2 * size.learners // 5))
+        for learners in groups(max(_LEAST, 2 * size.learners // 5), _GROUP)
     ]
 
 
@@ -55,48 +55,49 @@ def cost(task: Task) -> float:
     grid = task.arguments["grid"]
     cells = len(grid["skills"]) * sum(len(grid[name]) for name in RANGES)
     trial = ALONE_COST + len(PRESETS) * TRIAL_COST
-    training = sum(training_cost(preset, 1) for preset in PRESETS)
-    return training + trial * cells * task.arguments["trials"]
+    learners = len(task.arguments["learners"])
+    training = sum(training_cost(preset, learners) for preset in PRESETS)
+    return training + learners * trial * cells * task.arguments["trials"]
 
 
 def run_maps(
-    scenario: str | None, learner: int, trials: int, grid: dict[str, list[float]]
+    scenario: str | None, learners: list[int], trials: int, grid: dict[str, list[float]]
 ) -> list[dict[str, Any]]:
     """Trials alone and with a learner of each preset, in every cell with the same routes and seeds.
 
     Args:
         scenario: File or name.
-        learner: Its index; it fixes demonstrations, training and trials.
-        trials: In each cell, alone and assisted.
+        learners: Their indices; they fix demonstrations, trainings and trials.
+        trials: In each cell, alone and assisted, with each learner.
         grid: The values of "skills", and of the behaviour that varies with them, by its name.
     """
-    demonstrations = taught(scenario, learner)
-    arms: dict[str, Any] = {"alone": None}
-    for preset in PRESETS:
-        (arms[preset],) = train_all([demonstrations], [learner], preset=preset)
-    rows = []
-    for name in RANGES:
-        for skill in grid["skills"]:
-            for value in grid[name]:
-                behaviour = Behaviour(skill=skill, **{name: value})
-                rows += [
-                    measured(
-                        run(
-                            scenario,
-                            taking_part,
-                            mode="human" if taking_part is None else "shared",
-                            **{**settings(scenario, "primary", learner, trial), "behaviour": behaviour},
-                        ),
-                        map=name,
-                        skill=skill,
-                        value=value,
-                        arm=arm,
-                        learner=learner,
-                    )
-                    for arm, taking_part in arms.items()
-                    for trial in range(trials)
-                ]
-    return rows
+    sets = [taught(scenario, index) for index in learners]
+    trained = {preset: train_all(sets, learners, preset=preset) for preset in PRESETS}
+    arms: dict[str, Any] = {"alone": [None] * len(learners), **trained}
+    return [
+        measured(
+            run(
+                scenario,
+                taking_part,
+                mode="human" if taking_part is None else "shared",
+                **{
+                    **settings(scenario, "primary", index, trial),
+                    "behaviour": Behaviour(skill=skill, **{name: value}),
+                },
+            ),
+            map=name,
+            skill=skill,
+            value=value,
+            arm=arm,
+            learner=index,
+        )
+        for name in RANGES
+        for skill in grid["skills"]
+        for value in grid[name]
+        for arm, taking_parts in arms.items()
+        for index, taking_part in zip(learners, taking_parts, strict=True)
+        for trial in range(trials)
+    ]
 
 
 def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
@@ -104,8 +105,8 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
     rows = [row for result in results for row in result]
     cells = differences(rows)
     alone = [cell["alone"] for cell in cells if cell["measure"] == "intent_success"]
-    learners = len(results)
-    trials = len({row["seed"] for row in results[0]})
+    learners = len({row["learner"] for row in rows})
+    trials = len({row["seed"] for row in rows}) // learners
     return Section(
         title="Where help hurts",
         text=[

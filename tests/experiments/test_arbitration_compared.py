@@ -42,7 +42,7 @@ def made_up(*, gain=0.2, mixture=0.0, disagreement=1.0, learners=20):
 def verdicts(rows):
     found = [claim.verdict for claim in arbitration_compared.claims(rows)]
     count = len(arbitration_compared.OPERATORS)
-    return set(found[:count]), set(found[count : 2 * count]), set(found[2 * count :])
+    return set(found[:count]), set(found[count : 2 * count]), set(found[2 * count : -1])
 
 
 def test_arms_have_the_same_routes_and_seeds(results):
@@ -71,6 +71,20 @@ def test_claims_follow_the_rows():
     worse = made_up(gain=-0.2, mixture=-0.1, disagreement=-1.0)
     assert verdicts(worse) == ({"reversed"}, {"reversed"}, {"reversed"})
     assert verdicts(made_up(gain=0.05))[2] == {"equivalent"}
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.95, "holds"), (0.8, "reversed")])
+def test_what_the_human_in_charge_keeps_of_the_gain(share, verdict):
+    rows = made_up()
+    alone = {
+        (row["operator"], row["learner"]): row["intent_success"] for row in rows if row["arm"] == "human"
+    }
+    for row in rows:
+        if row["arm"] == "guarded":
+            row["intent_success"] = alone[row["operator"], row["learner"]] + share * 0.2
+    last = arbitration_compared.claims(rows)[-1]
+    assert last.verdict == verdict
+    assert last.estimate.mean == pytest.approx(20.0 * (share - 0.9))
 
 
 def test_not_worse_and_at_least():

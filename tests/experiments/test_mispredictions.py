@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from drake_shared.experiments import mispredictions, setting
+from drake_shared.experiments import mispredicted_cases, mispredictions, setting
 from drake_shared.experiments.section import Size
 from drake_shared.scenario import check_scenario, clearance_scorer, load_scenario
 from drake_shared.trial import Trial
@@ -42,21 +42,21 @@ def trial_of(weights, *, period=0.5):
     ],
 )
 def test_the_weight_is_back_where_it_rises_above_a_half_after_it_fell(weights, weight, recovery):
-    found = mispredictions.recovery(trial_of(weights), 0.5)
+    found = mispredicted_cases.recovery(trial_of(weights), 0.5)
     assert found["weight"] == weight
     assert found["recovery"] == pytest.approx(recovery, nan_ok=True)
 
 
 def test_a_moment_that_never_came_is_counted_apart():
     trial = trial_of([0.9, 0.1, 0.9])
-    assert mispredictions.recovery(trial, None)["weight"] == "unmet"
-    assert mispredictions.recovery(trial, 20.0)["weight"] == "unmet"
+    assert mispredicted_cases.recovery(trial, None)["weight"] == "unmet"
+    assert mispredicted_cases.recovery(trial, 20.0)["weight"] == "unmet"
 
 
 @pytest.mark.parametrize("scenario", ["two_obstacles", "doorway"])
 def test_the_new_obstacle_blocks_the_route_as_it_was_taught_and_not_as_it_is_driven(scenario):
     world = load_scenario(scenario)
-    for changed in mispredictions.variants(scenario):
+    for changed in mispredicted_cases.variants(scenario):
         check_scenario(changed)
         (route,) = changed.routes
         taught = world.route(route.name).path(world.start)
@@ -70,7 +70,7 @@ def test_all_arms_drive_the_same_routes_and_seeds(results):
     rows = rows_of(results)
     assert len(rows) == 2 * 4 * 2 * (1 + 2 * 2)
     for learner in (0, 1):
-        for case in mispredictions.CASES:
+        for case in mispredicted_cases.CASES:
             own = [row for row in rows if row["learner"] == learner and row["case"] == case]
             assert len({(row["route"], row["seed"]) for row in own}) == 1
     world = load_scenario()
@@ -100,7 +100,8 @@ def test_authority_takes_part_in_its_arm_only(results):
     rows = [row for row in rows_of(results) if row["arm"] != "human"]
     assert rows
     weights = {
-        arm: [row["mean_human_weight"] for row in rows if row["arm"] == arm] for arm in mispredictions.ARMS
+        arm: [row["mean_human_weight"] for row in rows if row["arm"] == arm]
+        for arm in mispredicted_cases.ARMS
     }
     assert not np.allclose(weights["on"], weights["off"])
 
