@@ -131,8 +131,9 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
             "Ways to make the agent wrong. A route never taught: the learner has demonstrations of all "
             "routes but one, and the operator takes that one, each route in turn over learners. A change "
             "of route: the operator leaves one for another after "
-            f"{number(switch_time_in(scenario))} s. A new obstacle: a pillar of {number(RADIUS)} m radius stands on the route as it was taught, and the "
-            "operator, who knows of it, goes round; the learner knows the old way only and no obstacles. "
+            f"{number(switch_time_in(scenario))} s. A new obstacle: a pillar of {number(RADIUS)} m radius "
+            "stands on the route as it was taught, and the operator, who knows of it, goes round; the "
+            "learner knows the old way only and no obstacles. "
             "The way round is laid once with more room and once with less, since what assistance may cost "
             f"hangs on it: {rooms_in_words(scenario)}.",
             f"{size.learners} learners of each preset, as many again for the route never taught, and "
