@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import logging
 import os
 import platform
 import signal
@@ -98,6 +99,8 @@ def start_local_worker(lifeline: Connection) -> None:
     of a terminal; what it means is for the one that the person started to say.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A replay's Meshcat would announce an address that is not there to be opened.
+    logging.getLogger("drake").setLevel(logging.WARNING)
     threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
 
 
