@@ -27,6 +27,7 @@ NAMES = (
     "sensitivity",
     "generations",
     "mispredictions",
+    "faults_injected",
     "where_help_hurts",
     "operators_drawn",
 )
