@@ -44,6 +44,14 @@ def test_the_first_who_asks_has_it_and_the_second_has_not(seat):
     assert sample.engaged
 
 
+def test_who_asks_again_has_it_still(seat):
+    seat.engage(1)
+    seat.move(1, move(forward=0.5))
+    before = seat.latest()
+    assert seat.engage(1)
+    assert seat.latest() == before
+
+
 def test_a_sample_bears_the_time_at_which_it_came(seat, clock):
     seat.engage(1)
     clock.now += 0.25
