@@ -49,7 +49,7 @@ _LOOP_MEASURES = {
 _MEASURES = {**_TRIAL_MEASURES, **_LOOP_MEASURES}
 # Smallest effects of interest: one trial in twenty, 4% of what is usual, and a fiftieth of the scale.
 _SMALLEST = {"intent_success": 5.0, "disagreement": 20.0, "expected_calibration_error": 0.02}
-_GROUP = 5
+_GROUP = {"paper": 10, "default": 5}
 _TRIAL_SECONDS, _DRIVE_SECONDS = 0.09, 0.1
 _EVERY = 4
 # Seeds of a repeat begin a thousand apart: of the base demonstrations at 0, of generation g's runs at 100 g,
@@ -58,7 +58,7 @@ _FIRST_SEED, _STRIDE, _RUNS, _TRIALS = 40_000_000, 1_000, 100, 900
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
-    """One for each preset and five repeats; half as many repeats as learners elsewhere."""
+    """One for each preset and some repeats; half as many repeats as learners elsewhere."""
     return [
         Task(
             "drake_shared.experiments.generations:run_repeats",
@@ -71,7 +71,7 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
             },
         )
         for preset in PRESETS
-        for repeats in groups(max(2, size.learners // 2), _GROUP)
+        for repeats in groups(max(2, size.learners // 2), _GROUP[preset])
     ]
 
 

@@ -57,9 +57,12 @@ def train_all(
 
 
 def training_cost(preset: str, count: int) -> float:
-    """Seconds of one core that `train_all` takes for ``count`` learners, roughly."""
+    """Seconds of one core that `train_all` takes for ``count`` learners, roughly, while others train too.
+
+    Optimising is bound by memory, which processes share: one alone is quicker.
+    """
     groups = -(-count // SIDE_BY_SIDE)
-    return 13.5 * groups + 1.6 * count if preset == "paper" else 1.0 * groups + 0.5 * count
+    return 13.5 * groups + 2.8 * count if preset == "paper" else 1.0 * groups + 0.5 * count
 
 
 @functools.cache
