@@ -126,9 +126,9 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
             f"times that K, and others are taught {', '.join(str(count) for count in counts)} "
             "demonstrations, routes in turn, each set holding the smaller ones.",
             f"{_learners(size)} learners of each preset and {min(size.trials, _TRIALS)} trials with each of "
-            f"the simulated operators {' and '.join(OPERATORS)}; learners, routes and seeds are the same along "
-            "each curve. Bands are 95% bootstrap intervals over learners. Learners of preset default leave to "
-            "the human what that preset does, those of preset paper nothing.",
+            f"the simulated operators {' and '.join(OPERATORS)}; learners, routes and seeds are the same "
+            "along each curve. Bands are 95% bootstrap intervals over learners. Learners of preset default "
+            "leave to the human what that preset does, those of preset paper nothing.",
             "Each curve's two ends, as paired differences over learners: "
             + "; ".join(_changes(rows, "factor", FACTORS, by_gain, "from the least K to the largest"))
             + "; "
