@@ -6,16 +6,17 @@ import dataclasses
 import functools
 import multiprocessing
 import os
-import threading
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 from drake_shared.arbitration import DEFAULT
 from drake_shared.authority import Authority
 from drake_shared.behaviour import Behaviour
-from drake_shared.errors import InputError
+from drake_shared.engine.working import start_local_worker
+from drake_shared.errors import InputError, RunError
 from drake_shared.faults import Faults
 from drake_shared.learners import load_learner
 from drake_shared.log_folder import log_path, open_log_folder, read_kept, write_kept
@@ -87,7 +88,7 @@ def run_batch(
     Raises:
         InputError: A file cannot be read, or the folder for logs cannot be written to, holds logs of trials
             and neither was asked for, or holds some of another configuration.
-        RunError: A log cannot be written; those before it are kept.
+        RunError: A log cannot be written, or a process of several died; the logs before it are kept.
     """
     if workers < 1:
         raise InputError("simulate", "workers", "must be at least 1", workers)
@@ -132,11 +133,26 @@ def _run_in_pool(batch: Batch, indices: list[int], workers: int) -> Iterator[dic
     # What the workers need is imported once, in the server; its only threads are of libraries that stop them
     # for a fork.
     context.set_forkserver_preload([__name__])
-    with ProcessPoolExecutor(
-        min(workers, len(indices)), mp_context=context, initializer=_start_worker, initargs=(batch,)
-    ) as pool:
+    lifeline, ours = context.Pipe(duplex=False)
+    with (
+        lifeline,
+        ours,
+        ProcessPoolExecutor(
+            min(workers, len(indices)),
+            mp_context=context,
+            initializer=_start_worker,
+            initargs=(batch, lifeline),
+        ) as pool,
+    ):
         chunk = max(1, min(16, len(indices) // (4 * workers)))
-        yield from pool.map(_run_in_worker, indices, chunksize=chunk)
+        try:
+            yield from pool.map(_run_in_worker, indices, chunksize=chunk)
+        except (KeyboardInterrupt, SystemExit):
+            # Without this the pool would wait for the trials that it was given.
+            ours.close()
+            raise
+        except BrokenExecutor as error:
+            raise RunError(f"a worker was lost ({str(error).rstrip('.')}); earlier logs are kept") from error
 
 
 class _Runner:
@@ -208,18 +224,11 @@ def _row(trial: Trial, log: Path | None) -> dict[str, Any]:
 _batch: Batch | None = None
 
 
-def _start_worker(batch: Batch) -> None:
+def _start_worker(batch: Batch, lifeline: Connection) -> None:
     global _batch
     _batch = batch
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
     # A pool whose process is killed would go on with what it was given, and then wait for more for ever.
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
+    start_local_worker(lifeline)
 
 
 @functools.cache

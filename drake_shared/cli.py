@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
 from typing import Annotated
 
 import tyro
@@ -38,16 +40,30 @@ Command = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs a command. Exit status: 0 done, 1 the run failed, 2 bad usage or bad input."""
+    """Runs a command. Exit status: 0 done, 1 the run failed, 2 bad usage or bad input, 130 Ctrl-C."""
     logging.getLogger("drake").setLevel(logging.WARNING)
     try:
-        _parse(arguments).run()
+        with _ends_on_sigterm():
+            _parse(arguments).run()
     except DrakeSharedError as error:
         print(f"drake-shared: {error}", file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
     except KeyboardInterrupt:
         return 130
     return 0
+
+
+@contextlib.contextmanager
+def _ends_on_sigterm() -> Iterator[None]:
+    """Lets SIGTERM end the process as an exception would, so that nothing is left behind: status 143."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _parse(arguments: Sequence[str] | None) -> Command:

@@ -10,12 +10,15 @@ from drake_shared.errors import InputError
 
 LONGEST = 2.0
 """Of any delay, in [s]: systems remember no further back."""
+LARGEST = 1000.0
+"""Of any error of the pose, in [m] or [rad]: what is further off is no pose, and overflows when squared."""
 
 _CHANNEL = ("delay", "jitter", "loss", "freeze", "human_nan")
-_POSE = ("pose_noise", "yaw_noise", "pose_drift", "pose_nan")
 _LEARNER = ("late_learner", "learner_nan")
 _SHARES = ("loss", "human_nan", "pose_nan", "learner_nan", "slip")
 _DELAYS = ("delay", "jitter", "late_learner")
+_ERRORS = ("pose_noise", "yaw_noise", "pose_drift")
+_POSE = (*_ERRORS, "pose_nan")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -62,7 +65,7 @@ class Faults:
             sound = isinstance(value, int | float) and not isinstance(value, bool)
             if not (sound and math.isfinite(value) and value >= 0.0):
                 raise InputError("faults", field.name, "must be a finite number, not negative", repr(value))
-        for names, most, unit in ((_SHARES, 1.0, ""), (_DELAYS, LONGEST, " s")):
+        for names, most, unit in ((_SHARES, 1.0, ""), (_DELAYS, LONGEST, " s"), (_ERRORS, LARGEST, "")):
             for name in names:
                 if getattr(self, name) > most:
                     raise InputError("faults", name, f"must be at most {most:g}{unit}", getattr(self, name))
@@ -75,7 +78,11 @@ class Faults:
                     raise InputError(
                         "faults", name, "makes no sense where every sample is lost", getattr(self, name)
                     )
-        for name, others in (("human_nan", ("delay", "jitter", "loss", "freeze")), ("pose_nan", _POSE[:3])):
+        for name, others in (
+            ("human_nan", ("delay", "jitter", "loss", "freeze")),
+            ("pose_nan", _ERRORS),
+            ("learner_nan", ("late_learner",)),
+        ):
             for other in others:
                 if getattr(self, name) == 1.0 and getattr(self, other):
                     raise InputError(

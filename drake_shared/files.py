@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from drake_shared.errors import InputError
+from drake_shared.errors import InputError, RunError
 
 
 def models_directory() -> Path:
@@ -26,22 +26,28 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     On an exception the temporary file goes and ``path`` stays as it was.
 
     Raises:
-        InputError: ``path`` cannot be written.
+        InputError: There is no writing to ``path``.
+        RunError: Writing failed half-way: the disk is full, say.
     """
     target = Path(path)
     check_target(target)
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-    os.close(handle)
-    temporary = Path(name)
     try:
-        yield temporary
-        # mkstemp makes files private; what we leave has the mode that open() would have given it.
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+        os.close(handle)
+        temporary = Path(name)
+        try:
+            yield temporary
+            # mkstemp makes files private; what we leave has the mode that open() would have given it.
+            mask = os.umask(0)
+            os.umask(mask)
+            temporary.chmod(0o666 & ~mask)
+            temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        # Some libraries raise it with a text of many lines.
+        reason = os.strerror(error.errno) if error.errno else " ".join(str(error).split())
+        raise RunError(f"{target}: cannot be written ({reason})") from error
 
 
 def sha256_of(path: str | os.PathLike[str]) -> str:

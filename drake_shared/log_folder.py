@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import os
 import re
-import reprlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 
-from drake_shared.errors import InputError, RunError
+from drake_shared.engine.identity import first_difference
+from drake_shared.errors import DrakeSharedError, InputError, RunError
 from drake_shared.files import check_writable
 from drake_shared.trial import Trial, read_log, write_log
 
@@ -92,7 +92,7 @@ def read_kept(path: str | os.PathLike[str], expected: Mapping[str, Any]) -> Tria
         raise
     ours = json.loads(json.dumps(dict(expected)))
     theirs = {name: value for name, value in trial.metadata.items() if name != "status"}
-    if differs := _first_difference(theirs, ours):
+    if differs := first_difference(theirs, ours):
         raise InputError(
             path,
             "",
@@ -113,22 +113,5 @@ def write_kept(trial: Trial, path: Path) -> None:
         raise RunError(f"{path}: cannot be written: its folder was removed while the trials ran")
     try:
         write_log(trial, path)
-    except (OSError, InputError) as error:
-        # The folder is tried first, and then the reason is behind an error of ours.
-        cause = error if isinstance(error, OSError) else error.__cause__
-        number = getattr(cause, "errno", None)
-        reason = os.strerror(number) if number else " ".join(str(error).split())
-        raise RunError(
-            f"{path}: cannot be written ({reason}); earlier trials are kept, and --resume goes on from them"
-        ) from error
-
-
-def _first_difference(theirs: Any, ours: Any, name: str = "") -> str:
-    """Says where two pieces of metadata first differ; empty if they do not."""
-    if isinstance(theirs, dict) and isinstance(ours, dict):
-        found = (
-            _first_difference(theirs.get(key), ours.get(key), f"{name}.{key}" if name else key)
-            for key in {**ours, **theirs}
-        )
-        return next(filter(None, found), "")
-    return "" if theirs == ours else f"{name} is {reprlib.repr(theirs)}, not {reprlib.repr(ours)}"
+    except DrakeSharedError as error:
+        raise RunError(f"{error}; earlier trials are kept, and --resume goes on from them") from error

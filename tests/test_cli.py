@@ -179,6 +179,13 @@ ALONE = ("simulate", "--mode", "human")
         (("fit-operator",), "fit: trials must be at least one"),
         (("fit-operator", "none"), "none must be a log; there is no such file"),
         (("fit-operator", "{log}", "{text}"), "{text} cannot be read as a log"),
+        (("evaluate", "--demos", "{log}", "--scenario", "doorway"), "scenario must be 'doorway'"),
+        (("reproduce", "--out", "{folder}/x", "--only", "none"), "only must be among weighting"),
+        (("reproduce", "--out", "{folder}/x", "--workers", "0"), "workers must be at least 1, got 0"),
+        (("reproduce", "--out", "{folder}/x", "--workers", "-1"), "workers must be at least 1, got -1"),
+        (("reproduce", "--out", "{folder}/x", "--cluster", "me"), "--cluster must be the"),
+        (("reproduce", "--out", "{folder}/x", "--cluster", "tcp://me:1", "--workers", "1"), "left out with"),
+        (("reproduce", "--out", "{text}"), "{text} must be a folder to write to"),
         (("drive", "--scenario", "none"), "none must be a scenario file"),
         (("drive", "--model", "none"), "none must be a file"),
         (("drive", "--safety", "5"), "must be from 0.001 to 1 m"),
@@ -271,6 +278,12 @@ def test_simulate_plays_a_log_back(cli, log, human_trial, tmp_path):
     assert (back.positions == human_trial.positions).all()
 
 
+def test_a_log_of_another_task_is_played_back_with_a_warning_that_names_both(cli, log):
+    status, _, err = cli(*ALONE, "--operator", log, "--scenario", "doorway", "--json")
+    assert status == 0
+    assert f"{log} was recorded in scenario 'two_obstacles', not 'doorway'" in err
+
+
 def test_simulate_needs_no_learner_for_a_human_alone_in_a_task_of_someones_own(cli, tmp_path):
     task = Path(__file__).parents[1] / "models" / "scenarios" / "doorway.yaml"
     (tmp_path / "mine.yaml").write_text(task.read_text().replace("name: doorway", "name: mine"))
@@ -331,6 +344,10 @@ def test_replay_writes_a_page_with_the_prediction(cli, log, taught, tmp_path):
     status, out, err = cli("replay", log, "--out", tmp_path / "with.html", "--model", taught / "learner")
     assert (status, out) == (0, "")
     assert f"wrote {tmp_path / 'with.html'}" in err
+    other = Path(__file__).parents[1] / "models" / "learners" / "doorway_default.safetensors"
+    status, _, err = cli("replay", log, "--out", tmp_path / "other.html", "--model", other)
+    assert status == 0
+    assert "was taught scenario 'doorway', not 'two_obstacles'" in err
     status, _, err = cli("replay", log, "--out", tmp_path / "without.html")
     assert status == 0
     assert "without a prediction" in err

@@ -138,6 +138,8 @@ def test_the_same_seed_gives_the_same_faults_and_another_one_others(run):
         ({"loss": 1.0, "delay": 0.1}, "delay makes no sense where every sample is lost"),
         ({"human_nan": 1.0, "loss": 0.1}, "loss makes no sense where human_nan is 1"),
         ({"pose_nan": 1.0, "pose_drift": 0.1}, "pose_drift makes no sense where pose_nan is 1"),
+        ({"learner_nan": 1.0, "late_learner": 0.1}, "late_learner makes no sense where learner_nan is 1"),
+        ({"pose_noise": 1e308}, "pose_noise must be at most 1000"),
     ],
 )
 def test_faults_that_make_no_sense_are_refused(given, said):

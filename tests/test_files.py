@@ -1,11 +1,12 @@
 """A file is there whole or not at all."""
 
+import errno
 import os
 from pathlib import Path
 
 import pytest
 
-from drake_shared.errors import InputError
+from drake_shared.errors import InputError, RunError
 from drake_shared.files import check_writable, models_directory, replacing
 
 
@@ -22,11 +23,11 @@ def test_temporary_file_lies_in_the_same_folder_so_that_the_renaming_is_atomic(t
         assert temporary.parent == tmp_path
 
 
-def break_off(path) -> None:
+def break_off(path, error=ZeroDivisionError) -> None:
     """Writes half a file."""
     with replacing(path) as temporary:
         temporary.write_text("hal")
-        raise ZeroDivisionError
+        raise error
 
 
 def test_an_exception_leaves_nothing_new(tmp_path):
@@ -41,6 +42,22 @@ def test_an_exception_leaves_the_old_file_as_it_was(tmp_path):
         break_off(tmp_path / "log.txt")
     assert (tmp_path / "log.txt").read_text() == "old"
     assert os.listdir(tmp_path) == ["log.txt"]
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (OSError(errno.ENOSPC, "as a library has it"), "No space left on device"),
+        (OSError("no number\nand two lines"), "no number and two lines"),
+    ],
+)
+def test_writing_that_fails_is_said_in_one_line_and_leaves_the_old_file(tmp_path, error, reason):
+    (tmp_path / "log.txt").write_text("old")
+    with pytest.raises(RunError) as caught:
+        break_off(tmp_path / "log.txt", error)
+    assert str(caught.value) == f"{tmp_path / 'log.txt'}: cannot be written ({reason})"
+    assert os.listdir(tmp_path) == ["log.txt"]
+    assert (tmp_path / "log.txt").read_text() == "old"
 
 
 def test_file_can_be_read_by_whom_the_umask_allows(tmp_path):

@@ -86,12 +86,13 @@ def command(short: str, out: Path) -> list[str]:
     return ["simulate", *options]
 
 
-def simulate(short: str, out: Path, *options: str) -> subprocess.Popen:
+def simulate(short: str, out: Path, *options: str, start_new_session: bool = False) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, "-m", "drake_shared.cli", *command(short, out), *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=start_new_session,
     )
 
 
@@ -157,6 +158,43 @@ def test_workers_end_with_a_run_that_is_killed_and_the_rest_can_follow(short, un
     said, errors = simulate(short, tmp_path, "--workers", "2", "--resume").communicate()
     assert errors == f"{TRIALS} logs are in {tmp_path}\n"
     assert (said.replace(str(tmp_path), "FOLDER"), contents(tmp_path)) == undisturbed
+
+
+def members(session: int) -> list[int]:
+    """The processes of a session that are alive."""
+    found = subprocess.run(
+        ["ps", "-o", "pid=,stat=", "-s", str(session)], capture_output=True, text=True
+    ).stdout.splitlines()
+    return [int(line.split()[0]) for line in found if "Z" not in line]
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_signal_ends_it_at_once_and_leaves_whole_logs_and_no_process(
+    short, tmp_path, workers, number, status
+):
+    process = simulate(short, tmp_path, "--trials", "2000", "--workers", workers, start_new_session=True)
+    while len(contents(tmp_path)) < 2:
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.01)
+    # A terminal sends Ctrl-C to all of them, a supervisor its signal to the first.
+    (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
+    assert process.communicate(timeout=20) == ("", "")
+    assert process.returncode == status
+    # Not even what a worker was given, 16 trials at a time, is run to its end.
+    assert 2 <= len(contents(tmp_path)) < 24
+    assert members(process.pid) == []
+
+
+def test_a_worker_that_is_killed_ends_the_program_in_one_line_and_the_logs_are_whole(short, tmp_path):
+    process = simulate(short, tmp_path, "--trials", "2000", "--workers", "2", start_new_session=True)
+    while len(contents(tmp_path)) < 2:
+        time.sleep(0.01)
+    os.kill(max(members(process.pid)), signal.SIGKILL)
+    said, errors = process.communicate(timeout=20)
+    assert (process.returncode, said) == (1, "")
+    assert re.fullmatch(r"drake-shared: a worker was lost \(.*\); earlier logs are kept\n", errors)
+    assert len(contents(tmp_path)) >= 2
 
 
 def test_logs_that_are_there_are_neither_overwritten_nor_mixed_with_others(batch, tmp_path):
@@ -286,7 +324,7 @@ def test_a_permission_that_is_lost_is_said_in_one_line(batch, tmp_path):
     next(rows)
     (tmp_path / "logs").chmod(0o500)
     try:
-        with pytest.raises(RunError, match=r"cannot be written \(Permission denied\); earlier"):
+        with pytest.raises(RunError, match=r"folder to write to \(Permission denied\); earlier"):
             next(rows)
     finally:
         (tmp_path / "logs").chmod(0o700)

@@ -19,7 +19,7 @@ from drake_shared.cockpit.page_state import Instruments, describe_now, describe_
 from drake_shared.cockpit.real_time import RealTime
 from drake_shared.cockpit.seat import Seat
 from drake_shared.cockpit.server import CockpitServer
-from drake_shared.errors import InputError
+from drake_shared.errors import DrakeSharedError
 from drake_shared.scenery import draw_way
 from drake_shared.systems.mouse_input import MouseInput
 from drake_shared.trial import RunningTrial, Simulation, Trial, TrialSettings, write_log
@@ -178,7 +178,7 @@ class Session:
         name = f"{self._simulation.scenario.name}_{ended:%Y%m%d-%H%M%S}_{self._number:03d}.parquet"
         try:
             write_log(trial, self._record / name)
-        except (OSError, InputError) as error:
+        except DrakeSharedError as error:
             return None, str(error)
         return name, None
 

@@ -36,11 +36,16 @@ def choose_model(scenario: Scenario, model: Path | None, preset: str) -> Path:
 def open_learner(scenario: Scenario, model: Path | None, preset: str) -> tuple[Learner, Path]:
     """Loads the learner to take, and says so if it was taught another scenario."""
     path = choose_model(scenario, model, preset)
+    return load_learner_for(scenario.name, path), path
+
+
+def load_learner_for(scenario: str, path: Path) -> Learner:
+    """Loads a learner, and says so if it was taught another scenario than that of the name."""
     learner = load_learner(path)
     taught = learner.metadata.get("scenario")
-    if taught not in (None, scenario.name):
-        say(f"warning: {path} was taught scenario {taught!r}, not {scenario.name!r}")
-    return learner, path
+    if taught not in (None, scenario):
+        say(f"warning: {path} was taught scenario {taught!r}, not {scenario!r}")
+    return learner
 
 
 def print_json(value: Any) -> None:

@@ -51,7 +51,7 @@ class Evaluate:
             if file is not None:
                 check_target(file)
         if self.demos:
-            demonstrations = read_demonstrations(self.demos)
+            demonstrations = read_demonstrations(self.demos, scenario=scenario.name)
         else:
             # Seeds far from those of the demonstrations that ship.
             demonstrations = teach(scenario, count=3 * len(scenario.routes), seed=self.seed + 10_000)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from drake_shared.commands.common import print_json, say
+from drake_shared.commands.common import load_learner_for, print_json, say
 from drake_shared.errors import InputError
 
 
@@ -75,7 +75,7 @@ class Replay:
         from drake_shared.learners import load_learner
 
         if self.model is not None:
-            return load_learner(self.model)
+            return load_learner_for(metadata["scenario"]["name"], self.model)
         if metadata.get("learner_id") is None:
             return None
         for file in sorted((models_directory() / "learners").glob("*.safetensors")):

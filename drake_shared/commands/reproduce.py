@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from drake_shared.commands.common import print_json, say
+from drake_shared.errors import InputError
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -21,8 +22,8 @@ class Reproduce:
     """Scenario file, or the name of a shipped one."""
     only: tuple[str, ...] = ()
     """Names of experiments; default: all."""
-    workers: int = os.cpu_count() or 1
-    """Processes of this machine; the results do not depend on it."""
+    workers: int | None = None
+    """Processes of this machine; the results do not depend on it. Default: one for each processor."""
     cluster: str | None = None
     """Address of a Dask scheduler (extra cluster), such as tcp://host:8786, to use in their place."""
     resume: bool = False
@@ -37,12 +38,14 @@ class Reproduce:
         from drake_shared.experiments.reproduce import reproduce
         from drake_shared.experiments.section import FULL, QUICK
 
+        if self.cluster is not None and self.workers is not None:
+            raise InputError("reproduce", "workers", "must be left out with --cluster, which has its own")
         sections = reproduce(
             self.out,
             size=QUICK if self.quick else FULL,
             scenario=self.scenario,
             only=self.only,
-            workers=self.workers,
+            workers=(os.cpu_count() or 1) if self.workers is None else self.workers,
             cluster=self.cluster,
             resume=self.resume,
             force=self.force,

@@ -119,6 +119,7 @@ class Simulate:
     def _operator(self, scenario) -> tuple[Behaviour, bool, str | None]:
         """Behaviour, whether the route changes half-way, and the log to play back, if any."""
         from drake_shared.operators import OPERATORS
+        from drake_shared.trial import read_log
 
         if self.operator == "surrogate":
             return self.behaviour, False, None
@@ -135,6 +136,9 @@ class Simulate:
         if not Path(self.operator).exists():
             names = ", ".join(("surrogate", *OPERATORS))
             raise InputError(self.operator, "", f"must be a log or one of {names}; there is no such file")
+        recorded = read_log(self.operator).metadata["scenario"]["name"]
+        if recorded != scenario.name:
+            say(f"warning: {self.operator} was recorded in scenario {recorded!r}, not {scenario.name!r}")
         return self.behaviour, False, self.operator
 
     def _model(self, scenario) -> Path | None:

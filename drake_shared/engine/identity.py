@@ -6,7 +6,9 @@ import functools
 import hashlib
 import importlib.metadata
 import platform
+import reprlib
 from pathlib import Path
+from typing import Any
 
 from drake_shared.files import models_directory
 
@@ -29,11 +31,22 @@ def identity() -> dict[str, str]:
 
 
 def difference(theirs: object, ours: dict[str, str]) -> str:
-    """Says where two identities (or other flat descriptions) differ; empty if they do not."""
+    """Says where two identities differ; empty if they do not."""
     if not isinstance(theirs, dict):
         return f"it is {theirs!r}"
     names = [name for name in {**ours, **theirs} if theirs.get(name) != ours.get(name)]
     return ", ".join(f"{name} is {theirs.get(name)}, not {ours.get(name)}" for name in names)
+
+
+def first_difference(theirs: Any, ours: Any, name: str = "") -> str:
+    """Says, in short, where two descriptions of a run first differ; empty if they do not."""
+    if isinstance(theirs, dict) and isinstance(ours, dict):
+        found = (
+            first_difference(theirs.get(key), ours.get(key), f"{name}.{key}" if name else key)
+            for key in {**ours, **theirs}
+        )
+        return next(filter(None, found), "")
+    return "" if theirs == ours else f"{name or 'it'} is {reprlib.repr(theirs)}, not {reprlib.repr(ours)}"
 
 
 def _version(name: str) -> str:

@@ -92,7 +92,7 @@ def run_tasks(
                     raise RunError(
                         f"workers were lost {barren} times without finishing a task ({error}); {KEPT}"
                     ) from error
-                _log.warning("%s; what is not done is run again", error)
+                _log.warning("%s; what is not done is run again", str(error).rstrip("."))
     return [values[task.key] for task in tasks]
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from drake_shared.engine.identity import difference, identity
-from drake_shared.engine.tasks import Task, canonical
-from drake_shared.errors import InputError, RunError
+from drake_shared.engine.identity import difference, first_difference, identity
+from drake_shared.engine.tasks import Task, as_json, canonical
+from drake_shared.errors import DrakeSharedError, InputError, RunError
 from drake_shared.files import check_writable, replacing
 
 FORMAT = "drake_shared run"
@@ -64,7 +66,7 @@ class Store:
             raise InputError(folder, "", "must be resumed or begun anew (--resume or --force), not both")
         store = cls(folder)
         check_writable(folder)
-        described = {"description": json.loads(canonical(description)), "package": identity()}
+        described = {"description": json.loads(as_json(description)), "package": identity()}
         try:
             if force:
                 store._clear()
@@ -73,16 +75,15 @@ class Store:
             raise InputError(folder, "", f"must be a folder to read and write ({error.strerror})") from error
         if occupied:
             if not resume:
-                raise InputError(
-                    folder,
-                    "",
-                    "must be empty: give --resume to go on with the run that is there, "
-                    "--force to begin anew in its place, or another folder",
-                )
+                ways = "--force to begin a run beside what is there"
+                if (store.folder / RUN).exists():
+                    ways = "--resume to go on with the run that is there, --force to begin anew in its place"
+                raise InputError(folder, "", f"must be empty: give {ways}, or another folder")
             store._check(described)
             return store
         head = {"format": FORMAT, "format_version": FORMAT_VERSION, **described}
-        store._write(store.folder / RUN, json.dumps(head, indent=2) + "\n")
+        with replacing(store.folder / RUN) as temporary:
+            temporary.write_text(json.dumps(head, indent=2) + "\n", encoding="utf-8")
         return store
 
     def read(self, task: Task) -> Any:
@@ -107,24 +108,27 @@ class Store:
         Raises:
             RunError: The disk is full, or the folder is gone or no longer to be written to.
         """
+        head = f'"function":{canonical(task.function)},"arguments":{canonical(task.arguments)}'
+        with self.writing(), replacing(self._path(task)) as temporary:
+            temporary.write_text(f'{{{head},"value":{text}}}\n', encoding="utf-8")
+        return json.loads(text)
+
+    @contextlib.contextmanager
+    def writing(self) -> Iterator[None]:
+        """Has what its body writes to the folder fail as a run does; where no run is any more, nothing is.
+
+        Raises:
+            RunError: The disk is full, or the folder is gone or no longer to be written to.
+        """
         if not (self.folder / RUN).is_file():
             raise RunError(f"{self.folder}: {RUN} was removed while the run was on")
-        head = f'"function":{canonical(task.function)},"arguments":{canonical(task.arguments)}'
-        self._write(self._path(task), f'{{{head},"value":{text}}}\n')
-        return json.loads(text)
+        try:
+            yield
+        except DrakeSharedError as error:
+            raise RunError(f"{error}; {KEPT}") from error
 
     def _path(self, task: Task) -> Path:
         return self._results / f"{task.key}.json"
-
-    def _write(self, path: Path, text: str) -> None:
-        try:
-            with replacing(path) as temporary:
-                temporary.write_text(text, encoding="utf-8")
-        except (OSError, InputError) as error:
-            # replacing() tries the folder first, and then the reason is behind its own error.
-            cause = error if isinstance(error, OSError) else error.__cause__
-            reason = getattr(cause, "strerror", None) or error
-            raise RunError(f"{self.folder}: cannot be written to ({reason}); {KEPT}") from error
 
     def _content(self) -> bool:
         """Whether anything but the remains of a file half written is there."""
@@ -145,7 +149,7 @@ class Store:
         ):
             raise InputError(run, "format", f"must be {FORMAT!r} version {FORMAT_VERSION}; {anew}")
         if canonical(there.get("description")) != canonical(described["description"]):
-            differs = difference(there.get("description"), described["description"])
+            differs = first_difference(there.get("description"), described["description"])
             raise InputError(self.folder, "", f"must hold the same run to be resumed: {differs}; {anew}")
         if differs := difference(there.get("package"), described["package"]):
             raise InputError(

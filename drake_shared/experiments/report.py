@@ -72,6 +72,12 @@ def write_report(
         temporary.write_text(page, encoding="utf-8")
 
 
+def remove_report(folder: Path) -> None:
+    """Removes the report of a run that is begun anew: it would be taken for the new one's."""
+    for name in ("report.html", "report.json"):
+        (folder / name).unlink(missing_ok=True)
+
+
 def render(sections: Sequence[Section], *, title: str, about: Mapping[str, Any], rerun: str) -> str:
     """The page; the arguments are those of `write_report`."""
     contents = "".join(

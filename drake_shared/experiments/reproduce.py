@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from drake_shared.engine import Progress, Store, Task, run_tasks
+from drake_shared.engine.executors import executor
 from drake_shared.engine.identity import identity
 from drake_shared.errors import InputError
-from drake_shared.experiments.report import write_report
+from drake_shared.experiments.report import remove_report, write_report
 from drake_shared.experiments.section import Experiment, Section, Size
 from drake_shared.experiments.setting import ALONE_COST, run, scenario_of
 
@@ -76,8 +77,9 @@ def reproduce(
         say: Told beforehand how long it will take, and what is done.
 
     Raises:
-        InputError: See `Store.open` and `run_tasks`.
-        RunError: See `run_tasks`.
+        InputError: See `Store.open` and `run_tasks`; what is wrong with workers or cluster is found before
+            the folder is touched.
+        RunError: See `run_tasks`; or the report cannot be written.
     """
     world = scenario_of(scenario)
     experiments = find_experiments(only)
@@ -86,7 +88,11 @@ def reproduce(
         "scenario": dataclasses.asdict(world),
         "experiments": [experiment.name for experiment in experiments],
     }
+    with executor(workers=workers, cluster=cluster):
+        pass  # Where nothing can be run, no folder is begun.
     store = Store.open(out, description, resume=resume, force=force)
+    if force:
+        remove_report(Path(out))
     planned = {experiment.name: experiment.tasks(scenario, size) for experiment in experiments}
     costs = {
         task.key: (experiment.cost(task), task)
@@ -126,7 +132,8 @@ def reproduce(
     parts += ["--quick"] if size.name == "quick" else []
     parts += [f"--scenario {scenario}"] if scenario else []
     parts += [f"--only {' '.join(only)}"] if only else []
-    write_report(Path(out), sections, title=TITLE, about=about, rerun=" ".join(parts))
+    with store.writing():
+        write_report(Path(out), sections, title=TITLE, about=about, rerun=" ".join(parts))
     say(f"wrote {Path(out) / 'report.html'} after {(time.perf_counter() - begun) / 60.0:.1f} min")
     return sections
 

@@ -50,7 +50,7 @@ def test_a_folder_with_results_is_refused_in_one_line_that_says_what_to_do(store
 
 def test_a_folder_with_anything_else_is_refused_and_left_alone(tmp_path):
     (tmp_path / "thesis.tex").write_text("years")
-    with pytest.raises(InputError, match="must be empty"):
+    with pytest.raises(InputError, match="must be empty: give --force to begin a run beside what is there"):
         Store.open(tmp_path, {})
     with pytest.raises(InputError, match="must hold a run to be resumed"):
         Store.open(tmp_path, {}, resume=True)
@@ -69,6 +69,16 @@ def test_only_the_same_run_is_resumed(store):
         InputError, match="must hold the same run to be resumed: trials is 4, not 5; give --force"
     ):
         Store.open(store.folder, {"trials": 5}, resume=True)
+
+
+def test_a_long_description_that_differs_is_said_in_short(tmp_path):
+    scenario = {"name": "doorway", "obstacles": [{"name": f"crate {i}", "x": float(i)} for i in range(50)]}
+    Store.open(tmp_path, {"scenario": scenario})
+    with pytest.raises(InputError, match=r"scenario\.name is 'doorway', not 'room'; give --force"):
+        Store.open(tmp_path, {"scenario": {"name": "room", "obstacles": []}}, resume=True)
+    with pytest.raises(InputError, match=r"scenario\.obstacles is \[.*\.\.\.\], not \[\]; ") as caught:
+        Store.open(tmp_path, {"scenario": {**scenario, "obstacles": []}}, resume=True)
+    assert len(str(caught.value)) < 500
 
 
 def test_results_of_other_code_are_not_resumed(store, monkeypatch):
