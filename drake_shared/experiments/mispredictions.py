@@ -193,10 +193,18 @@ def claims(rows: Sequence[Mapping[str, Any]]) -> list[Claim]:
         for preset in PRESETS
         for case, words in CASES.items()
     ]
-    return found + [_no_new_collision(rows, preset) for preset in PRESETS]
+    kinds = {
+        "where another way is meant than was taught or begun": [case for case in CASES if case not in ROOMS],
+        "round a new obstacle": list(ROOMS),
+    }
+    return found + [
+        _no_new_collision([row for row in rows if row["case"] in cases], preset, words)
+        for preset in PRESETS
+        for words, cases in kinds.items()
+    ]
 
 
-def _no_new_collision(rows: Sequence[Mapping[str, Any]], preset: str) -> Claim:
+def _no_new_collision(rows: Sequence[Mapping[str, Any]], preset: str, words: str) -> Claim:
     def key(row: Mapping[str, Any]) -> tuple[Any, ...]:
         return tuple(row[name] for name in ("case", "operator", "learner", "seed"))
 
@@ -208,8 +216,8 @@ def _no_new_collision(rows: Sequence[Mapping[str, Any]], preset: str) -> Claim:
     ]
     count = sum(row["new"] for row in shared)
     return Claim(
-        text=f"With authority there is no collision that the human alone had not: {count} of {len(shared)} "
-        f"trials (preset {preset}; the number is their share, negative)",
+        text=f"With authority there is no collision that the human alone had not, {words}: {count} of "
+        f"{len(shared)} trials (preset {preset}; the number is their share, negative)",
         estimate=interval(-100.0 * by_learner(shared, "new")),
         smallest=0.0,
         unit="%",
