@@ -6,7 +6,8 @@ import pytest
 from drake_shared.experiments import faults_injected, setting
 from drake_shared.experiments.section import FULL, QUICK, Size
 from drake_shared.faults import Faults
-from drake_shared.trial import Trial
+from drake_shared.learners.no_learner import NoLearner
+from drake_shared.trial import Trial, TrialSettings
 
 TINY = Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=2, trials=1)
 
@@ -31,7 +32,7 @@ def made_up(*, assisted, reached=0):
         for arm in faults_injected.arms_of(fault)
         for learner in range(6)
     ]
-    rows[0]["not_finite"] = reached
+    next(row for row in rows if row["fault"] == "pose_nan")["not_finite"] = reached
     return rows
 
 
@@ -51,10 +52,20 @@ def test_each_fault_strikes_and_all_else_is_the_same(rows):
 
 def test_nothing_that_is_no_number_reaches_the_plant(rows):
     assert {row["not_finite"] for row in rows} == {0}
-    columns = {name: np.zeros(4) for name in ("x", "y", "yaw", "wheel_left", "wheel_right")}
+    columns = {name: np.zeros(5) for name in ("x", "yaw", "wheel_left", "shared_right", "received_left")}
     columns["x"][1] = columns["wheel_left"][1] = np.nan
     columns["yaw"][3] = np.inf
-    assert faults_injected.not_finite(Trial(columns=columns, metadata={})) == 2
+    columns["shared_right"][4] = np.nan
+    columns["received_left"][0] = np.nan  # On the way there; it must end before the plant.
+    assert faults_injected.not_finite(Trial(columns=columns, metadata={})) == 3
+
+
+@pytest.mark.parametrize("fault", ["human_nan", "pose_nan", "learner_nan"])
+def test_a_fault_that_is_to_send_what_is_no_number_does(fault):
+    simulation = faults_injected._simulation(None, faults_injected.faults_of(fault, 0.25))
+    trial = simulation.run(TrialSettings(), learner=NoLearner(15.0))
+    column = {"human_nan": "received_left", "pose_nan": "seen_x", "learner_nan": "heard_confidence"}[fault]
+    assert 0.1 < np.isnan(trial[column]).mean() < 0.4
 
 
 def test_faults_are_those_of_their_name():
