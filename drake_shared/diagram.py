@@ -137,7 +137,13 @@ def AddSharedControl(
     safety_filter, applied = None, shared
     if safety_clearance is not None:
         safety_filter = builder.AddNamedSystem(
-            "safety_filter", SafetyFilter(robot=scenario.robot, clearance=safety_clearance, period=period)
+            "safety_filter",
+            SafetyFilter(
+                robot=scenario.robot,
+                clearance=safety_clearance,
+                period=period,
+                obstacles=scenario.obstacles,
+            ),
         )
         builder.Connect(seen, safety_filter.GetInputPort("pose"))
         builder.Connect(plant.GetOutputPort("wheel_speed"), safety_filter.GetInputPort("wheel_speed"))
