@@ -143,12 +143,13 @@ def safe_command(
     to_left = low[0] if 2 * at[0] > low[0] + high[0] else high[0]
     to_right = low[1] if 2 * at[1] > low[1] + high[1] else high[1]
     for trial in range(_TRIES):
-        paths = StoppingPaths(robot, pose, wheels, (at, (to_left, at[1]), (at[0], to_right)), period)
-        known = gaps.keep(paths, required - TOLERANCE)
+        known = gaps.keep(StoppingPaths(robot, pose, wheels, [at], period), required - TOLERANCE)
         if known is None:
             return at if trial else command
-        slopes = (known[1] - known[0]) / (to_left - at[0]), (known[2] - known[0]) / (to_right - at[1])
-        bounds = required + _AIM - known[0] + slopes[0] * at[0] + slopes[1] * at[1]
+        beside = StoppingPaths(robot, pose, wheels, [(to_left, at[1]), (at[0], to_right)], period)
+        left, right = gaps.least(beside)
+        slopes = (left - known) / (to_left - at[0]), (right - known) / (to_right - at[1])
+        bounds = required + _AIM - known + slopes[0] * at[0] + slopes[1] * at[1]
         # Braking is always allowed, whatever the secants say of it.
         bounds = np.minimum(bounds, slopes[0] * brake[0] + slopes[1] * brake[1])
         found = least_change(wish, low, high, np.transpose(slopes).tolist(), bounds.tolist())

@@ -94,11 +94,15 @@ class Gaps:
         standing = (item.distance for index, item in enumerate(self._found) if index not in self._drifts)
         return min(standing, default=math.inf) - self._body
 
+    def least(self, paths: StoppingPaths) -> np.ndarray:
+        """Lower bounds of the gaps along each of ``paths``, as far as is known: shape (m, n), in [m]."""
+        return _bounds(self._projected(paths)).min(axis=1)
+
     def keep(self, paths: StoppingPaths, required: np.ndarray) -> np.ndarray | None:
         """Looks along the first of ``paths`` until it is known whether it keeps the gaps ``required`` (n,).
 
         Returns:
-            None if it does, else the least gaps known of all the paths: shape (m, n), in [m].
+            None if it does, else the least gaps known along it: shape (n,), in [m].
         """
         projected = self._projected(paths)
         looked: tuple[int, int] | None = None
@@ -120,7 +124,7 @@ class Gaps:
                 plane.lift(projected, paths)
             if gap < required[index]:
                 break
-        return _bounds(projected).min(axis=1)
+        return _bounds(projected)[0].min(axis=0)
 
     def kept_by(self, paths: StoppingPaths, clearance: float) -> np.ndarray:
         """The gap to each obstacle that the first of ``paths`` keeps, at most ``clearance``: (n,), in [m].
@@ -130,7 +134,7 @@ class Gaps:
         kept = np.full(self.count, clearance)
         if self.keep(paths, kept - TOLERANCE) is None:
             return kept
-        for index in np.flatnonzero(_bounds(self._projected(paths))[0].min(axis=0) < clearance).tolist():
+        for index in np.flatnonzero(self.least(paths)[0] < clearance).tolist():
             if index in self._drifts:
                 kept[index] = self._kept_by_moving(paths, index, clearance)
             else:

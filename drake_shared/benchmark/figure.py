@@ -18,6 +18,7 @@ _TITLES = {
     "training": "Training",
     "batch": "Many trials",
     "growth": "Growth",
+    "safety": "The safety filter",
 }
 _BLUE, _GREY = "#2b6cb0", "#8a8f98"
 

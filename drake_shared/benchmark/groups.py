@@ -54,6 +54,12 @@ def _growth(setting: Setting) -> GroupResult:
     return growth.run(setting)
 
 
+def _safety(setting: Setting) -> GroupResult:
+    from drake_shared.benchmark import safety
+
+    return safety.run(setting)
+
+
 # Each imports what it needs when it is run: torch, for one, is slow to import.
 GROUPS: dict[str, Callable[[Setting], GroupResult]] = {
     "predict": _predict,
@@ -61,6 +67,7 @@ GROUPS: dict[str, Callable[[Setting], GroupResult]] = {
     "training": _training,
     "batch": _batch,
     "growth": _growth,
+    "safety": _safety,
 }
 
 

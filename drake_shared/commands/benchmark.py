@@ -13,12 +13,12 @@ from drake_shared.files import check_writable, replacing
 
 @dataclasses.dataclass(kw_only=True)
 class Benchmark:
-    """Measures predictions, trials, training, batches and growth, each as ratios within one run."""
+    """Measures predictions, trials, training, batches, growth and safety, each as ratios within one run."""
 
     out: Path | None = None
     """Folder for benchmark.json and benchmark.png; default: the findings are only printed."""
     only: tuple[str, ...] = ()
-    """Which groups: predict, trial, training, batch, growth; default: all."""
+    """Which groups: predict, trial, training, batch, growth, safety; default: all."""
     quick: bool = False
     """A rough answer within a minute or two, in place of half an hour."""
     repeats: int | None = None

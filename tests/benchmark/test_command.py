@@ -28,6 +28,7 @@ def every_group(monkeypatch):
         },
         "batch": {"details": {"memory": memory, "trials_per_second": rates}},
         "growth": {"curves": [curve]},
+        "safety": {},
     }
     ratio = Ratio(name="this / that", spread=spread([1.0, 2.0, 3.0]), aim="at most 2", bound="at most")
     for name, options in found.items():
@@ -40,7 +41,7 @@ def test_json_is_one_object_and_the_same_in_the_file(every_group, tmp_path, caps
     assert main(["benchmark", "--quick", "--json", "--out", str(tmp_path / "found")]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["format"] == "drake_shared.benchmark"
-    assert list(printed["groups"]) == ["predict", "trial", "training", "batch", "growth"]
+    assert list(printed["groups"]) == list(groups.GROUPS)
     spread = printed["groups"]["trial"]["ratios"][0]["spread"]
     assert spread == {"median": 2.0, "low": 1.2, "high": pytest.approx(2.8), "count": 3}
     assert printed["machine"]["cores"] >= 1
@@ -76,7 +77,10 @@ def test_one_group_for_real(trained, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (["--only", "nothing"], "only must be among predict, trial, training, batch, growth, got 'nothing'"),
+        (
+            ["--only", "nothing"],
+            "only must be among predict, trial, training, batch, growth, safety, got 'nothing'",
+        ),
         (["--repeats", "0"], "repeats must be at least 1, got 0"),
         (["--demos", "a.parquet"], "demos must be given together with --test-demos"),
         (["--demos", "a.parquet", "--test-demos", "b.parquet"], "a.parquet must be a file that exists"),
