@@ -9,6 +9,7 @@ import numpy as np
 from drake_shared.demonstration_figure import draw_weights_on
 from drake_shared.demonstrations import Demonstration, Demonstrations, sampling_weights
 from drake_shared.engine import Task
+from drake_shared.errors import RunError
 from drake_shared.experiments.drawing import draw_scene, new_figure
 from drake_shared.experiments.matched import groups
 from drake_shared.experiments.report import with_interval
@@ -64,20 +65,18 @@ def run_repeats(scenario: str | None, preset: str, repeats: list[int]) -> dict[s
     seeds = [_SEED + _REPEAT_STEP * repeat for repeat in repeats]
     taught = [as_demonstrations(scenario, drives(scenario, count=count, seed=seed)) for seed in seeds]
     learners = train_all(taught, repeats, preset=preset)
-    rows, shown = [], {}
+    rows, shown, missing = [], {}, []
     for repeat, seed, first, learner in zip(repeats, seeds, taught, learners, strict=True):
-        added = {
-            preset: drives(scenario, learner=learner, count=count, seed=seed + _ADDED),
-            "human": drives(scenario, count=count, seed=seed + _ADDED),
-        }
-        # What a person adds alone is the same for both presets: told once.
-        if preset != "default":
-            del added["human"]
-        for name, new in added.items():
+        # What an operator adds alone is the same for both presets: told once.
+        for name, helper in {preset: learner, **({"human": None} if preset == "default" else {})}.items():
+            try:
+                new = drives(scenario, learner=helper, count=count, seed=seed + _ADDED)
+            except RunError as error:
+                missing.append({"set": name, "repeat": repeat, "why": str(error)})
+                continue
             rows += _rows(name, repeat, first, new)
-            if repeat == 0:
-                shown[name] = [_plain(item) for item in (*first, *new)]
-    return {"rows": rows, "shown": shown}
+            shown.setdefault(name, [_plain(item) for item in (*first, *new)])
+    return {"rows": rows, "shown": shown, "missing": missing}
 
 
 def _rows(name: str, repeat: int, first: Demonstrations, new: list[Demonstration]) -> list[dict[str, Any]]:
@@ -109,7 +108,9 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
     """Fig. 5 with both presets, and the probability that falls on what is new over all repeats."""
     world = scenario_of(scenario)
     rows = [row for result in results for row in result["rows"]]
-    shown = {name: drawn for result in results for name, drawn in result["shown"].items()}
+    # Of each set the first that there is.
+    shown = {name: drawn for result in reversed(results) for name, drawn in result["shown"].items()}
+    missing = [one for result in results for one in result["missing"]]
     count = len(world.routes)
     return Section(
         title="The second training sets (Fig. 5)",
@@ -123,10 +124,11 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
             f"The figure shows the first of {size.learners} repeats, each from drives and seeds of its own; "
             "the table is over all, with 95% bootstrap intervals over repeats. If scores told nothing, half "
             "of the probability would fall on the new drives.",
+            *(f"Repeat {one['repeat']} of {_NAMES[one['set']]} is missing: {one['why']}." for one in missing),
         ],
         pictures=[
             Picture.of(
-                _figure(world, {name: shown[name] for name in _NAMES}),
+                _figure(world, {name: shown[name] for name in _NAMES if name in shown}),
                 "Left: drives known before (dashed) and new ones (solid), the stronger the likelier they are "
                 "drawn. Right: how often each is drawn over its score, with the normal density that says so.",
             )
@@ -175,7 +177,9 @@ def _table(rows: list[dict[str, Any]]) -> Table:
 
 
 def _figure(world: Scenario, shown: dict[str, list[dict[str, Any]]]) -> Any:
-    figure, axes = new_figure(3.6 * len(shown), rows=len(shown), columns=2, width_ratios=(3, 2))
+    figure, axes = new_figure(
+        3.6 * len(shown), rows=len(shown), columns=2, squeeze=False, width_ratios=(3, 2)
+    )
     for (left, right), (name, drawn) in zip(axes, shown.items(), strict=True):
         items = [
             Demonstration(

@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 
+from drake_shared.errors import RunError
 from drake_shared.experiments import second_sets, setting
 from drake_shared.experiments.section import QUICK
 
@@ -29,6 +30,22 @@ def test_each_set_is_the_same_first_drives_and_as_many_new_ones(results):
         assert [r["route"] for r in own[:3]] == [r["route"] for r in own[3:]]
         assert sum(r["probability"] for r in own) == pytest.approx(1.0)
         assert max(own, key=lambda r: r["score"]) == max(own, key=lambda r: r["probability"])
+
+
+def test_a_set_that_cannot_be_driven_is_missing_and_said_to_be(monkeypatch):
+    usual = second_sets.drives
+
+    def drives(scenario, *, learner=None, **options):
+        if learner is not None:
+            raise RunError("the simulated operator fails")
+        return usual(scenario, **options)
+
+    monkeypatch.setattr(second_sets, "drives", drives)
+    monkeypatch.setattr(second_sets, "train_all", lambda sets, *_, **__: ["a learner"] * len(sets))
+    found = [task.run() for task in second_sets.tasks(None, SIZE)]
+    assert {row["set"] for result in found for row in result["rows"]} == {"human"}
+    told = second_sets.report(None, SIZE, found).text
+    assert sum("is missing: the simulated operator fails" in text for text in told) == 2
 
 
 def test_the_table_gives_the_probability_of_what_is_new(results):
