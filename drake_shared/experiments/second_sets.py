@@ -65,7 +65,9 @@ def run_repeats(scenario: str | None, preset: str, repeats: list[int]) -> dict[s
     seeds = [_SEED + _REPEAT_STEP * repeat for repeat in repeats]
     taught = [as_demonstrations(scenario, drives(scenario, count=count, seed=seed)) for seed in seeds]
     learners = train_all(taught, repeats, preset=preset)
-    rows, shown, missing = [], {}, []
+    rows: list[dict[str, Any]] = []
+    shown: dict[str, Any] = {}
+    missing: list[dict[str, Any]] = []
     for repeat, seed, first, learner in zip(repeats, seeds, taught, learners, strict=True):
         # What an operator adds alone is the same for both presets: told once.
         for name, helper in {preset: learner, **({"human": None} if preset == "default" else {})}.items():
