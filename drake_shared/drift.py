@@ -38,7 +38,7 @@ class Drift:
         self.horizon = horizon
         self._until = math.inf
         self._last: tuple[StoppingPaths, np.ndarray] | None = None
-        self.farthest = float(np.abs(self._at([*self._turns, horizon])).max())
+        self.farthest = float(np.abs(self.at([*self._turns, horizon])).max())
 
     def around(self, paths: StoppingPaths) -> np.ndarray:
         """The displacements that count at the points of ``paths``: shape (q, m, k + 1), complex, in [m].
@@ -56,12 +56,13 @@ class Drift:
                 begin, end = late.copy(), until.copy()
                 begin[:, 1:], end[:, :-1] = late[:, :-1], until[:, 1:]
                 counted.append(np.where((begin <= turn) & (turn <= end), turn, until))
-            self._last = paths, self._at(counted)
+            self._last = paths, self.at(counted)
         return self._last[1]
 
     def stop(self, time: float) -> None:
         """Lets the obstacle count as standing from that time on, to which it comes evenly on a piece."""
         self._until, self._last = time, None
 
-    def _at(self, times: ArrayLike) -> np.ndarray:
+    def at(self, times: ArrayLike) -> np.ndarray:
+        """The displacement at each of ``times``, complex, in [m]."""
         return np.interp(np.minimum(times, self._until), self._times, self._places) - self._here

@@ -144,21 +144,18 @@ class Gaps:
 
     def _kept_by_moving(self, paths: StoppingPaths, index: int, clearance: float) -> float:
         drift = self._drifts[index]
-        times = [*paths.times()[0, :-1].tolist(), drift.horizon]
-        kept, before = clearance, math.inf
-        for node in range(PIECES + 1):
-            gap = self._gap(paths, node, index)
+        way = dict(zip(paths.times()[0].tolist(), paths.points[0].tolist(), strict=True))
+        rest = max(way)
+        way |= dict.fromkeys(np.linspace(rest, drift.horizon, PIECES).tolist(), way[rest])
+        kept, before, since = clearance, math.inf, 0.0
+        for time, point in way.items():
+            gap = self._look(point - drift.at(time), index)
             if gap < 0.0 <= before:
                 # The gap in between is taken as straight in time.
-                passed = times[node] - times[max(node - 1, 0)]
-                drift.stop(times[node] - passed * gap / (gap - before))
-                gap = self._gap(paths, node, index)
-            kept, before = min(kept, gap), gap
+                drift.stop(time - (time - since) * gap / (gap - before))
+                gap = self._look(point - drift.at(time), index)
+            kept, before, since = min(kept, gap), gap, time
         return kept
-
-    def _gap(self, paths: StoppingPaths, node: int, index: int) -> float:
-        """To a moving obstacle at a point of the first path, in [m]."""
-        return min(self._look(place, index) for place in self._places(paths, node, index, late=False))
 
     def _projected(self, paths: StoppingPaths) -> np.ndarray:
         """Gaps at the points of ``paths`` and how they change on the pieces: (m, 3 k + 1, n), in [m]."""
@@ -170,12 +167,12 @@ class Gaps:
             plane.lift(projected, paths)
         return projected
 
-    def _places(self, paths: StoppingPaths, node: int, index: int, *, late: bool = True) -> list[complex]:
+    def _places(self, paths: StoppingPaths, node: int, index: int) -> list[complex]:
         """Where a point of the first path is as seen from an obstacle, were it still where it is now."""
         point = complex(paths.points[0, node])
         if index not in self._drifts:
             return [point]
-        moved = self._drifts[index].around(paths)[0 if late else 1 :, 0, node]
+        moved = self._drifts[index].around(paths)[:, 0, node]
         return [point - displacement for displacement in set(moved.tolist())]
 
     def _look(self, point: complex, index: int) -> float:

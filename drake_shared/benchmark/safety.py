@@ -23,13 +23,13 @@ PASSED, CHANGED = "safety filter, command passed", "safety filter, command chang
 QUERY, PROGRAM = "distance query", "quadratic program by Clarabel"
 
 _CLEARANCE = 0.05
-# Of a drive that states are taken from: long enough to come to an obstacle.
-_STEPS = 25
-# About what the filter looks at, at full speed, in [m].
-_RADIUS = 0.9
+# Of a drive that states are taken from: long enough to get up to speed and to come to an obstacle.
+_STEPS = 40
+# Nearly as far as the filter looks at these speeds, in [m].
+_RADIUS = 0.7
 _METHOD = (
     f"CPU seconds on one thread, contenders in turns. {OBSTACLES} round obstacles stand about a robot at "
-    f"random; of drives among them at about full speed {STATES} states with obstacles near are taken in "
+    f"random; of drives among them at about full speed {STATES} states at speed near obstacles are taken in "
     "which the command passes, and as many in which it is changed. Beside a step of the filter: the one "
     "query of SceneGraph, for the obstacles about the robot, that it cannot do without, and one quadratic "
     f"program of its size (two wheel speeds, a box, {OBSTACLES} half-planes), set up and solved by Drake and "
@@ -109,7 +109,7 @@ def draw_states(setting: Setting) -> list[list[_State]]:
             told = state.filtered(setting)
             if told != command:
                 changed.append(state)
-            elif state.look(*state.pose[:2], _RADIUS):
+            elif state.wheels == command and state.look(*state.pose[:2], _RADIUS):
                 passed.append(state)
             pose = motion(robot, state.pose, state.wheels, told, period)[-1]
             wheels = speeds_after(robot, state.wheels, told, period)

@@ -57,8 +57,8 @@ class SafetyFilter(LeafSystem):
     It looks ahead for as long as braking from full speed takes. Where the robot, braking at once and then at
     rest, keeps the clearance for that time, so does what it lets through; where braking comes nearer, that
     comes no nearer in that time. Where the obstacle meets the robot even if it brakes, the robot is not
-    driven against it: it stands, or is driven away or out of its way, as it is told. Farther ahead it does
-    not look: a robot may come to rest where an obstacle will pass.
+    driven against the place where the obstacle is by then: it stands, or is driven away or out of the way, as
+    it is told. Farther ahead it does not look: a robot may come to rest where an obstacle will pass.
 
     Parameters (of the Context):
         clearance: In [m]; see :meth:`set_clearance`.

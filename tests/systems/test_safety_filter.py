@@ -381,8 +381,8 @@ def cart(*path) -> Circle:
     return Circle(name="cart", x=path[0][1], y=path[0][2], radius=0.2, path=[list(point) for point in path])
 
 
-@pytest.mark.parametrize("gap", [1e-4, 0.02, CLEARANCE, 0.06])
-@pytest.mark.parametrize("speed", [0.1, 0.3, 1.0])
+@pytest.mark.parametrize("gap", [1e-4, 0.02, CLEARANCE, 0.06, 0.3])
+@pytest.mark.parametrize("speed", [0.1, 0.3, 1.0, 2.0])
 def test_a_robot_backs_away_as_told_from_what_comes_upon_it(gap, speed):
     x = 0.2 + FOOTPRINT + gap
     bench = Bench([cart((0.0, x, 0.0), (2.0, x - 2.0 * speed, 0.0))], clearance=CLEARANCE).at(0.0, 0.0, 0.0)
@@ -390,7 +390,7 @@ def test_a_robot_backs_away_as_told_from_what_comes_upon_it(gap, speed):
         np.testing.assert_array_equal(bench.ask((-FASTEST, -FASTEST)), (-FASTEST, -FASTEST))
         if bench.step((-FASTEST, -FASTEST)).contact:
             break
-    assert bench.pose[0] < -1e-3
+    assert bench.pose[0] < 0.0
 
 
 def test_a_robot_that_flees_from_what_is_faster_is_not_slowed():
