@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from drake_shared.arbitration import DEFAULT
 from drake_shared.engine import Task
 from drake_shared.experiments.drawing import COLOURS, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
@@ -17,13 +17,13 @@ from drake_shared.experiments.setting import (
     ALONE_COST,
     TRIAL_COST,
     measured,
-    scenario_of,
+    simulation_of,
     train_all,
     training_cost,
 )
 from drake_shared.experiments.statistics import Claim, Estimate, interval, not_worse
 from drake_shared.faults import Faults
-from drake_shared.trial import Simulation, Trial, TrialSettings
+from drake_shared.trial import Trial, TrialSettings
 
 PRESET, OPERATOR = "default", "primary"
 ARMS = {"alone": "human alone", "assisted": "shared control"}
@@ -117,7 +117,7 @@ def run_faults(
         ("", 0.0),
         *((name, one) for name, values in severities.items() for one in values),
     ]:
-        simulation = _simulation(scenario, faults_of(fault, severity))
+        simulation = simulation_of(scenario, DEFAULT, True, faults_of(fault, severity))
         for arm in arms_of(fault):
             for index, learner in zip(learners, trained, strict=True):
                 for trial in range(trials):
@@ -156,11 +156,6 @@ def not_finite(trial: Trial) -> int:
     """Rows of the log in which something that the plant is told or holds is no finite number."""
     logged = [trial[name] for name in _PLANT if name in trial.columns]
     return int((~np.isfinite(logged)).any(axis=0).sum())
-
-
-@functools.cache
-def _simulation(scenario: str | None, faults: Faults | None) -> Simulation:
-    return Simulation(scenario_of(scenario), authority=True, faults=faults)
 
 
 def report(scenario: str | None, size: Size, results: list[Any]) -> Section:

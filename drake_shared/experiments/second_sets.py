@@ -69,8 +69,11 @@ def run_repeats(scenario: str | None, preset: str, repeats: list[int]) -> dict[s
     shown: dict[str, Any] = {}
     missing: list[dict[str, Any]] = []
     for repeat, seed, first, learner in zip(repeats, seeds, taught, learners, strict=True):
-        # What an operator adds alone is the same for both presets: told once.
-        for name, helper in {preset: learner, **({"human": None} if preset == "default" else {})}.items():
+        helpers = {preset: learner}
+        if preset == "default":
+            # What an operator adds alone is the same for both presets: told once.
+            helpers["human"] = None
+        for name, helper in helpers.items():
             try:
                 new = drives(scenario, learner=helper, count=count, seed=seed + _ADDED)
             except RunError as error:

@@ -12,6 +12,7 @@ from drake_shared.authority import authority_for
 from drake_shared.behaviour import Behaviour
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.errors import RunError
+from drake_shared.faults import Faults
 from drake_shared.learners import Learner
 from drake_shared.learners.parameters import PRESETS, TrainingParameters
 from drake_shared.metrics import metrics
@@ -73,10 +74,13 @@ def scenario_of(scenario: str | None) -> Scenario:
 
 @functools.cache
 def simulation_of(
-    scenario: str | None, arbitration: str = DEFAULT, authority: bool | None = None
+    scenario: str | None,
+    arbitration: str = DEFAULT,
+    authority: bool | None = None,
+    faults: Faults | None = None,
 ) -> Simulation:
-    """The diagram of a scenario and an arbiter, built once in a process; any learner may take part."""
-    return Simulation(scenario_of(scenario), arbiter=arbitration, authority=authority)
+    """The diagram of scenario, arbiter and faults, built once in a process; any learner may take part."""
+    return Simulation(scenario_of(scenario), arbiter=arbitration, authority=authority, faults=faults)
 
 
 def run(
