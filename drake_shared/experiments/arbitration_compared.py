@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from drake_shared.engine import Task
-from drake_shared.experiments.drawing import BLACK, COLOURS, PURPLE, new_figure
+from drake_shared.experiments.drawing import BLACK, COLOURS, PURPLE, legend_below, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
@@ -271,7 +271,7 @@ def _picture(rows: Sequence[Mapping[str, Any]], operator: str) -> Picture:
         ]
         for kind, (colour, marker) in _STYLES.items()
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+    legend_below(figure, handles, columns=4)
     return Picture.of(
         figure,
         f"Operator {operator}: means with 95% bootstrap intervals over learners, by who divides the control "

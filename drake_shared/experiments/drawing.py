@@ -57,6 +57,18 @@ def new_figure(height: float, *, rows: int = 1, columns: int = 1, **options: Any
     return figure, axes
 
 
+def legend_below(figure: Figure, handles: Any, labels: Sequence[str] | None = None, *, columns: int) -> None:
+    """One legend for all axes of a figure, below them.
+
+    Args:
+        figure: Of `new_figure`.
+        handles, labels: What is explained, and by what words; default: those that the handles have.
+        columns: How many entries stand side by side.
+    """
+    words = [handle.get_label() for handle in handles] if labels is None else labels
+    figure.legend(handles, words, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
+
+
 def draw_scene(axes: Axes, scenario: Scenario) -> None:
     """Obstacles, start and goal from above, in [m], to scale."""
     from matplotlib.patches import Circle

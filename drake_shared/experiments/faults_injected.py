@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_shared.arbitration import DEFAULT
 from drake_shared.engine import Task
-from drake_shared.experiments.drawing import COLOURS, new_figure
+from drake_shared.experiments.drawing import COLOURS, legend_below, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
@@ -21,7 +21,7 @@ from drake_shared.experiments.setting import (
     train_all,
     training_cost,
 )
-from drake_shared.experiments.statistics import Claim, Estimate, interval, not_worse
+from drake_shared.experiments.statistics import Claim, Estimate, interval, never, not_worse
 from drake_shared.faults import Faults
 from drake_shared.trial import Trial, TrialSettings
 
@@ -206,17 +206,14 @@ def claims(rows: Sequence[Mapping[str, Any]]) -> list[Claim]:
         for fault in FAULTS
     ]
     sent = [row for row in rows if row["fault"].endswith("_nan")]
-    reached = sum(row["not_finite"] > 0 for row in sent)
+    reached = [row["not_finite"] > 0 for row in sent]
     found.append(
-        Claim(
-            text="What is no number never reaches the plant, neither as a command nor as its state: it did "
-            f"in {reached} of {len(sent)} trials with NaN from human, pose or learner (the number is their "
-            "share, negative)",
-            estimate=interval([-100.0 * (row["not_finite"] > 0) for row in sent]),
-            smallest=0.0,
-            unit="%",
-            # One is enough to refute it.
-            verdict="reversed" if reached else "holds",
+        never(
+            f"What is no number never reaches the plant, as a command or as its state (preset {PRESET}; the "
+            "number is the share of trials with NaN from human, pose or learner, negative): it did in "
+            f"{sum(reached)} of {len(reached)} trials",
+            [row["learner"] for row in sent],
+            reached,
         )
     )
     return found
@@ -260,7 +257,7 @@ def _curves(rows: Sequence[Mapping[str, Any]], severities: Mapping[str, Sequence
     for place in axes[:, 0]:
         place.set_ylabel("intent success, %", fontsize=8)
     handles = axes.flat[0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
+    legend_below(figure, *handles, columns=2)
     return figure
 
 

@@ -11,7 +11,7 @@ from drake_shared.demonstrations import Demonstration
 from drake_shared.engine import Task
 from drake_shared.errors import RunError
 from drake_shared.evaluation import calibration_of_confidence, judge_confidence, ways_of
-from drake_shared.experiments.drawing import COLOURS, new_figure
+from drake_shared.experiments.drawing import COLOURS, legend_below, new_figure
 from drake_shared.experiments.matched import groups
 from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
@@ -353,13 +353,7 @@ def _curves(rows: Sequence[Mapping[str, Any]], measures: Mapping[str, tuple[str,
                 place.set_xlabel("generation", fontsize=9)
                 place.set_xticks(at)
         row[0].set_ylabel(f"preset {preset}", fontsize=9)
-    figure.legend(
-        *axes[0][0].get_legend_handles_labels(),
-        loc="outside lower center",
-        ncols=len(ARMS),
-        frameon=False,
-        fontsize=8,
-    )
+    legend_below(figure, *axes[0][0].get_legend_handles_labels(), columns=len(ARMS))
     return figure
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.experiments.drawing import BLACK, COLOURS, draw_scene, new_figure
+from drake_shared.experiments.drawing import BLACK, COLOURS, draw_scene, legend_below, new_figure
 from drake_shared.experiments.matched import by_learner
 from drake_shared.experiments.mispredicted_cases import (
     ARMS,
@@ -59,7 +59,7 @@ def successes(rows: Sequence[Mapping[str, Any]]) -> Any:
         axes[0].plot([], [], color="0.3", marker="o", linestyle="", markersize=4.5, markerfacecolor=face)[0]
         for face in ("0.3", "white")
     ]
-    figure.legend(handles, OPERATORS, loc="outside lower center", ncols=2, frameon=False, fontsize=8)
+    legend_below(figure, handles, OPERATORS, columns=2)
     return figure
 
 
@@ -94,13 +94,7 @@ def recoveries(rows: Sequence[Mapping[str, Any]]) -> Any:
         line[0].set_ylabel("w above 0.5, % of trials", fontsize=9)
     for place in axes[-1]:
         place.set_xlabel("time since the moment, s", fontsize=9)
-    figure.legend(
-        *axes[0, 0].get_legend_handles_labels(),
-        loc="outside lower center",
-        ncols=4,
-        frameon=False,
-        fontsize=8,
-    )
+    legend_below(figure, *axes[0, 0].get_legend_handles_labels(), columns=4)
     return figure
 
 
@@ -136,7 +130,7 @@ def paths(scenario: str | None, results: Sequence[Any]) -> Any:
         for colour, style in styles.values()
     ]
     labels = ["human alone", *ARMS.values()]
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=8)
+    legend_below(figure, handles, labels, columns=3)
     return figure
 
 

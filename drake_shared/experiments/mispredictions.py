@@ -44,7 +44,7 @@ from drake_shared.experiments.setting import (
     train_all,
     training_cost,
 )
-from drake_shared.experiments.statistics import Claim, at_least, interval
+from drake_shared.experiments.statistics import Claim, at_least, never
 from drake_shared.trial import Simulation, Trial, TrialSettings
 
 # Round a new obstacle three trials are enough: they take each route of the shipped scenarios once.
@@ -209,20 +209,13 @@ def _no_new_collision(rows: Sequence[Mapping[str, Any]], preset: str, words: str
         return tuple(row[name] for name in ("case", "operator", "learner", "seed"))
 
     alone = {key(row) for row in rows if row["arm"] == "human" and row["collision"]}
-    shared = [
-        {"learner": row["learner"], "new": row["collision"] and key(row) not in alone}
-        for row in rows
-        if row["preset"] == preset and row["arm"] == "on"
-    ]
-    count = sum(row["new"] for row in shared)
-    return Claim(
-        text=f"With authority there is no collision that the human alone had not, {words}: {count} of "
-        f"{len(shared)} trials (preset {preset}; the number is their share, negative)",
-        estimate=interval(-100.0 * by_learner(shared, "new")),
-        smallest=0.0,
-        unit="%",
-        # One is enough to refute it.
-        verdict="reversed" if count else "holds",
+    shared = [row for row in rows if row["preset"] == preset and row["arm"] == "on"]
+    new = [row["collision"] and key(row) not in alone for row in shared]
+    return never(
+        f"With authority there is no collision that the human alone had not, {words} (preset {preset}; the "
+        f"number is the share of trials, negative): there was in {sum(new)} of {len(new)} trials",
+        [row["learner"] for row in shared],
+        new,
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from drake_shared.engine import Task
-from drake_shared.experiments.drawing import COLOURS, draw_scene, new_figure
+from drake_shared.experiments.drawing import COLOURS, draw_scene, legend_below, new_figure
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
 from drake_shared.experiments.setting import (
     ALONE_COST,
@@ -111,7 +111,7 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
         axes.flat[0].plot([], [], color=COLOURS["human"], linestyle="--", label="alone")[0],
         axes.flat[0].plot([], [], color=COLOURS["shared"], label="shared control")[0],
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    legend_below(figure, handles, columns=2)
     count = len(results[0]["rows"]) // 2
     return Section(
         title="The simulated operators",

@@ -67,20 +67,16 @@ _PRIMARY_GROUP, _OTHER_GROUP, _OPERATORS = 10, 5, 5
 
 
 def tasks(scenario: str | None, size: Size) -> list[Task]:
-    """Groups of repeats, of each preset: of the primary operator, and of some of the others together.
-
-    The arms that are not the primary one are run in the first repeats, as many as other operators have.
-    """
+    """Groups of repeats, of each preset: of the primary operator, and of some of the others together."""
     others = [name for name in OPERATORS if name != PRIMARY_OPERATOR]
     setups = SETUPS if size.all_arms else SETUPS[:2]
     plans = [
         (
             [PRIMARY_OPERATOR],
-            list(ARMS) if size.all_arms and repeats[0] < _in_all_arms(size) else [PRIMARY_ARM],
+            list(ARMS) if size.all_arms else [PRIMARY_ARM],
             setups,
-            [repeats],
+            groups(size.repeats, _PRIMARY_GROUP),
         )
-        for repeats in groups(size.repeats, _PRIMARY_GROUP)
     ]
     plans += [
         (
@@ -108,11 +104,6 @@ def tasks(scenario: str | None, size: Size) -> list[Task]:
         for operators, own_arms, own_setups, grouped in plans
         for repeats in grouped
     ]
-
-
-def _in_all_arms(size: Size) -> int:
-    """How many repeats of the primary operator are in every arm: whole groups of them."""
-    return _PRIMARY_GROUP * -(-size.other_repeats // _PRIMARY_GROUP)
 
 
 def cost(task: Task) -> float:
@@ -283,8 +274,7 @@ def _text(
         text.append(
             "The control adds three more of the base demonstrations, with other seeds, to the primary "
             "operator's repeats in the primary arm. That operator made the base demonstrations, so the "
-            "control differs from Setup 2 by its seeds alone: what separates the two is chance. The other "
-            f"arms have the first {min(_in_all_arms(size), size.repeats)} of these repeats."
+            "control differs from Setup 2 by its seeds alone: what separates the two is chance."
         )
     else:
         text.append("Of this quick run the other arms and the control are left out.")

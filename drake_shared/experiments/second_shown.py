@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.experiments.drawing import BLACK, COLOURS, new_figure
+from drake_shared.experiments.drawing import BLACK, COLOURS, legend_below, new_figure
 from drake_shared.experiments.report import number
 from drake_shared.experiments.second_compared import (
     MEASURES,
@@ -61,7 +61,7 @@ def bars(rows: Sequence[Mapping[str, Any]]) -> Picture:
         place.set_xticks([0, 1], [_SETUPS[setup] for setup in SETUPS[:2]])
         place.set_ylabel(_axis(name))
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    legend_below(figure, handles, labels, columns=2)
     return Picture.of(
         figure,
         "As the paper did it: the first repeat alone, one pair of learners for each preset, 10 trials each, "
@@ -127,7 +127,7 @@ def forest(answers: Sequence[Compared]) -> Picture:
     place.set_yticks([at[line] for line in lines], labels, fontsize=8)
     place.set_xlabel(f"{_axis(name)}: Setup 2 minus Setup 1")
     handles, names = place.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    legend_below(figure, handles, names, columns=2)
     return Picture.of(
         figure,
         f"Mean paired differences in {named(name)} with adjusted 95% intervals over repeats, by operator in "

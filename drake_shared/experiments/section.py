@@ -21,8 +21,7 @@ class Size:
     Attributes:
         name: "full" or "quick".
         repeats: Of the experiment of Fig. 6 for the primary operator.
-        other_repeats: Of it for each other operator, and for the primary one in each other arm; 0 leaves
-            other operators out.
+        other_repeats: Of it for each other operator; 0 leaves them out.
         all_arms: Whether all arms of it are run, or the primary one alone.
         learners: How many learners, each from demonstrations and a seed of its own, other experiments average
             over.

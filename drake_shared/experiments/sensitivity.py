@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from drake_shared.engine import Task
-from drake_shared.experiments.drawing import COLOURS, new_figure
+from drake_shared.experiments.drawing import COLOURS, legend_below, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
@@ -226,13 +226,7 @@ def _curves(
         place.set_title(title, fontsize=9)
     axes[0].set_ylim(None, 102)
     axes[2].set_ylim(0, 1)
-    figure.legend(
-        *axes[0].get_legend_handles_labels(),
-        loc="outside lower center",
-        ncols=4,
-        frameon=False,
-        fontsize=8,
-    )
+    legend_below(figure, *axes[0].get_legend_handles_labels(), columns=4)
     return figure
 
 

@@ -63,7 +63,7 @@ def training_cost(preset: str, count: int) -> float:
     Optimising is bound by memory, which processes share: one alone is quicker.
     """
     groups = -(-count // SIDE_BY_SIDE)
-    return 13.5 * groups + 2.8 * count if preset == "paper" else 1.0 * groups + 0.5 * count
+    return 8.5 * groups + 3.5 * count if preset == "paper" else 3.5 * groups + 1.0 * count
 
 
 @functools.cache

@@ -12,7 +12,7 @@ import numpy as np
 from drake_shared.ambiguity import PARTED, TOGETHER, Ambiguity, ambiguity, ranking, weights
 from drake_shared.authority import authority_for
 from drake_shared.engine import Task
-from drake_shared.experiments.drawing import COLOURS, draw_band, draw_scene, new_figure
+from drake_shared.experiments.drawing import COLOURS, draw_band, draw_scene, legend_below, new_figure
 from drake_shared.experiments.matched import groups
 from drake_shared.experiments.report import with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
@@ -385,7 +385,7 @@ def _weight_figure(learners: list[dict[str, Any]]) -> Any:
 
 def _legend(figure: Any, axes: Any) -> None:
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9)
+    legend_below(figure, handles, labels, columns=len(labels))
 
 
 EXPERIMENT = Experiment(name="shared_run", tasks=tasks, cost=cost, report=report)

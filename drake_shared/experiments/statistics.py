@@ -210,6 +210,28 @@ def at_least(text: str, values: ArrayLike, *, least: float, unit: str, level: fl
     )
 
 
+def never(text: str, learners: ArrayLike, happened: ArrayLike) -> Claim:
+    """The claim that something happens in none of some trials: one is enough to refute it.
+
+    That it was not seen says much only where many had the chance, so that with fewer than six learners it is
+    open, and the claim tells what the rule of three leaves possible: 3 / n, of learners, as the trials with
+    one are alike.
+
+    Args:
+        text: What does not happen.
+        learners: Of each trial the learner that took part, shape (n,).
+        happened: Whether it did in each, shape (n,).
+    """
+    whose, seen = np.asarray(learners), np.asarray(happened, dtype=bool)
+    shares = np.array([seen[whose == learner].mean() for learner in np.unique(whose)])
+    if seen.any():
+        found = "reversed"
+    else:
+        found = "holds" if shares.size >= FEWEST else "open"
+        text += f" (by the rule of three it may with {min(1.0, 3.0 / max(shares.size, 1)):.0%} of learners)"
+    return Claim(text=text, estimate=interval(-100.0 * shares), smallest=0.0, unit="%", verdict=found)
+
+
 def paired_claims(questions: Sequence[dict[str, Any]], *, level: float = 0.95) -> list[Claim]:
     """Claims that "one" is larger than "other", adjusted together by Holm's method.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_shared.demonstrations import sampling_weights
 from drake_shared.engine import Task
-from drake_shared.experiments.drawing import COLOURS, ROUTES, draw_band, draw_scene, new_figure
+from drake_shared.experiments.drawing import COLOURS, ROUTES, draw_band, draw_scene, legend_below, new_figure
 from drake_shared.experiments.matched import groups
 from drake_shared.experiments.report import with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
@@ -334,7 +334,7 @@ def _figure(world: Scenario, results: list[Any], scores: np.ndarray, shares: np.
         xlim=(0.5, len(ways) + 0.5),
     )
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    legend_below(figure, handles, labels, columns=3)
     return figure
 
 

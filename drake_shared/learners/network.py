@@ -39,18 +39,22 @@ class CnmpNetwork:
         seeds: Sequence[int],
     ) -> None:
         self.aggregation = aggregation
-        self._code_size = encoder[-1]
         shapes = ([features + 2, *encoder], [encoder[-1] + features, *decoder, 4])
         made = []
         for seed in seeds:
             with torch.random.fork_rng(devices=[]):
                 torch.manual_seed(seed)
                 made.append([_first_layers(widths) for widths in shapes])
-        self._encoder, self._decoder = (_stacked([one[part] for one in made]) for part in (0, 1))
+        self._encoder, ((weights, bias), *rest) = (_stacked([one[part] for one in made]) for part in (0, 1))
+        # The decoder's first layer in two parts: the code's product is the same for every query, and the
+        # gradients of parts of one tensor would be put together anew in each iteration.
+        self._of_code, self._of_time = (_leaf(part) for part in weights.split([encoder[-1], features], dim=1))
+        self._bias, self._rest = bias, rest
 
     def parameters(self) -> list[Tensor]:
         """All weights and biases."""
-        return [tensor for layer in (*self._encoder, *self._decoder) for tensor in layer]
+        layers = [tensor for layer in (*self._encoder, *self._rest) for tensor in layer]
+        return [*layers, self._of_code, self._of_time, self._bias]
 
     def __call__(self, observations: Tensor, owners: Tensor, queries: Tensor) -> tuple[Tensor, Tensor]:
         """Predicts, in normalised units.
@@ -65,32 +69,32 @@ class CnmpNetwork:
         """
         codes = _apply(self._encoder, observations)
         code = aggregate(codes, owners, self.aggregation)
-        # The first layer's two parts, apart: the code's is the same for every query.
-        (weights, bias), *rest = self._decoder
-        of_code = code @ weights[:, : self._code_size]
-        of_time = queries @ weights[:, self._code_size :] + bias
+        of_code = code @ self._of_code
+        of_time = queries @ self._of_time + self._bias
         hidden = torch.relu(of_code[:, :, None, :] + of_time[:, None])
-        raw = _apply(rest, hidden.flatten(1, 2)).view(*hidden.shape[:3], 4)
+        raw = _apply(self._rest, hidden.flatten(1, 2)).view(*hidden.shape[:3], 4)
         return raw[..., :2], nn.functional.softplus(raw[..., 2:])
 
     def only(self, index: int) -> CnmpNetwork:
         """The network at ``index`` by itself, as it is now."""
         part = object.__new__(CnmpNetwork)
-        part.aggregation, part._code_size = self.aggregation, self._code_size
-        part._encoder, part._decoder = (
-            [
-                (weights[index : index + 1].detach().clone(), bias[index : index + 1].detach().clone())
-                for weights, bias in layers
-            ]
-            for layers in (self._encoder, self._decoder)
+        part.aggregation = self.aggregation
+
+        def own(tensor: Tensor) -> Tensor:
+            return tensor[index : index + 1].detach().clone()
+
+        part._encoder, part._rest = (
+            [(own(weights), own(bias)) for weights, bias in layers] for layers in (self._encoder, self._rest)
         )
+        part._of_code, part._of_time, part._bias = map(own, (self._of_code, self._of_time, self._bias))
         return part
 
     def export(self, index: int = 0) -> tuple[list[Layer], list[Layer]]:
         """Encoder and decoder of the network at ``index`` as numpy weights (inputs, outputs) and biases."""
+        first = (torch.cat([self._of_code, self._of_time], dim=1), self._bias)
         return (
             [_numpy(weights[index], bias[index, 0]) for weights, bias in self._encoder],
-            [_numpy(weights[index], bias[index, 0]) for weights, bias in self._decoder],
+            [_numpy(weights[index], bias[index, 0]) for weights, bias in (first, *self._rest)],
         )
 
 
@@ -122,11 +126,16 @@ def _stacked(networks: Sequence[Sequence[nn.Linear]]) -> list[TorchLayer]:
     """Layers of E networks as one."""
     return [
         (
-            torch.stack([one.weight.detach().T for one in layer]).contiguous().requires_grad_(),
-            torch.stack([one.bias.detach()[None] for one in layer]).requires_grad_(),
+            _leaf(torch.stack([one.weight.detach().T for one in layer])),
+            _leaf(torch.stack([one.bias.detach()[None] for one in layer])),
         )
         for layer in zip(*networks, strict=True)
     ]
+
+
+def _leaf(tensor: Tensor) -> Tensor:
+    """A tensor of its own that gradients are asked for."""
+    return tensor.detach().contiguous().requires_grad_()
 
 
 def _apply(layers: Sequence[TorchLayer], hidden: Tensor) -> Tensor:

@@ -18,6 +18,7 @@ from drake_shared.errors import InputError
 from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
 from drake_shared.learners.cnmp import CnmpLearner
 from drake_shared.learners.dataset import Dataset, data_record, make_dataset
+from drake_shared.learners.heap import kept_memory
 from drake_shared.learners.optimisation import Optimisation, Progress
 from drake_shared.learners.parameters import TrainingParameters, find_parameters
 
@@ -179,7 +180,7 @@ def one_thread() -> Iterator[None]:
     torch.set_num_threads(1)
     torch.set_flush_denormal(True)
     try:
-        with threadpool_limits(1, user_api="blas"):
+        with threadpool_limits(1, user_api="blas"), kept_memory():
             yield
     finally:
         torch.set_flush_denormal(False)

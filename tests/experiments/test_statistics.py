@@ -12,6 +12,7 @@ from drake_shared.experiments.statistics import (
     holm,
     holm_levels,
     interval,
+    never,
     not_worse,
     paired,
     paired_claims,
@@ -164,6 +165,18 @@ def test_at_least_needs_its_mean_alone_beyond_the_least():
     assert claim("more", values, smallest=0.5, unit="m").verdict == "open"
     assert at_least("so much", values, least=0.5, unit="m").verdict == "holds"
     assert at_least("so much", values, least=0.7, unit="m").verdict == "open"
+
+
+@pytest.mark.parametrize(("learners", "said"), [(20, "holds"), (5, "open")])
+def test_what_nobody_saw_is_said_never_to_happen_only_where_many_had_the_chance(learners, said):
+    whose = np.repeat(np.arange(learners), 10)
+    unseen = never("no contact", whose, np.zeros(whose.size))
+    assert unseen.verdict == said
+    assert f"with {3 / learners:.0%} of learners" in unseen.text
+    seen = never("no contact", whose, np.arange(whose.size) < 10)
+    assert seen.verdict == "reversed"
+    assert seen.estimate.mean == pytest.approx(-100.0 / learners)
+    assert "rule of three" not in seen.text
 
 
 def test_the_same_difference_is_harder_to_claim_beside_many_that_are_none():
