@@ -73,9 +73,24 @@ def write_report(
 
 
 def remove_report(folder: Path) -> None:
-    """Removes the report of a run that is begun anew: it would be taken for the new one's."""
+    """Removes the report of a run that is begun anew, and the data that it names, and nothing else.
+
+    They would be taken for the new one's.
+    """
+    for name in _data_of(folder / "report.json"):
+        (folder / "data" / f"{name}.parquet").unlink(missing_ok=True)
     for name in ("report.html", "report.json"):
         (folder / name).unlink(missing_ok=True)
+
+
+def _data_of(report: Path) -> list[str]:
+    """The names of data in a ``report.json``; none where it cannot be read."""
+    try:
+        sections = json.loads(report.read_text(encoding="utf-8"))["sections"]
+        names = [name for section in sections for name in section["data"]]
+    except (OSError, ValueError, LookupError, TypeError):
+        return []
+    return [name for name in names if isinstance(name, str) and name.isidentifier()]
 
 
 def render(sections: Sequence[Section], *, title: str, about: Mapping[str, Any], rerun: str) -> str:

@@ -91,6 +91,9 @@ def test_a_report_is_not_put_where_the_run_is_no_more(run, tmp_path):
 def test_a_run_that_is_begun_anew_has_no_report_before_its_own(run, tmp_path):
     run()
     assert json.loads((tmp_path / "run" / "report.json").read_text())["title"] == whole.TITLE
+    data = tmp_path / "run" / "data"
+    (data / "own.parquet").touch()
+    assert files(data) == {"small.parquet", "own.parquet"}
 
     def give_up(*_):
         raise KeyboardInterrupt
@@ -98,3 +101,17 @@ def test_a_run_that_is_begun_anew_has_no_report_before_its_own(run, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         run(give_up, force=True)
     assert files(tmp_path / "run") == {"run.json", "results", "data"}
+    assert files(data) == {"own.parquet"}
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", '{"sections": [{}]}', '{"sections": [{"data": ["../run", 1, "a b"]}]}']
+)
+def test_a_report_that_says_nothing_true_of_its_data_removes_none(run, tmp_path, text):
+    run()
+    folder = tmp_path / "run"
+    (folder / "run.parquet").touch()
+    (folder / "report.json").write_text(text)
+    run(lambda *_: Section(title="Other", text=[]), force=True)
+    assert {"run.parquet", "data"} <= files(folder)
+    assert files(folder / "data") == {"small.parquet"}
