@@ -9,12 +9,12 @@ from pydrake.geometry import SceneGraph, SignedDistanceToPoint
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 from pydrake.systems.framework import Context
 
-from drake_shared.barrier import safe_command
 from drake_shared.benchmark.results import GroupResult, Ratio
 from drake_shared.benchmark.setting import Setting
 from drake_shared.benchmark.timing import Task, interleave, ratio, spread
 from drake_shared.motion import Pose, Wheels, motion, speeds_after
 from drake_shared.obstacles import Circle, register_obstacles
+from drake_shared.safety.barrier import safe_command
 from drake_shared.scenario import Robot
 
 OBSTACLES = 12

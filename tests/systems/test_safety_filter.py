@@ -10,11 +10,11 @@ from pydrake.geometry import QueryObject, SceneGraph
 from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_shared import barrier
-from drake_shared.barrier import StoppingPaths, least_change
 from drake_shared.errors import InputError
 from drake_shared.motion import motion, speeds_after
 from drake_shared.obstacles import Box, Circle, ObstacleDistance, register_obstacles
+from drake_shared.safety import barrier
+from drake_shared.safety.barrier import StoppingPaths, least_change
 from drake_shared.scenario import Robot
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.moving_obstacles import AddMovingObstacles

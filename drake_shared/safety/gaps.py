@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.geometry import GeometryId, SignedDistanceToPoint
 
-from drake_shared.drift import Drift
 from drake_shared.motion import Pose
-from drake_shared.stopping import PIECES, StoppingPaths
+from drake_shared.safety.drift import Drift
+from drake_shared.safety.stopping import PIECES, StoppingPaths
 
 # Signed distances to the obstacles near (x, y), up to a distance.
 Nearby = Callable[[float, float, float], list[SignedDistanceToPoint]]

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drake_shared.stopping import StoppingPaths
+from drake_shared.safety.stopping import StoppingPaths
 
 # Of a moving obstacle: times in [s] from the start of a trial and places, complex, in [m].
 Way = tuple[np.ndarray, np.ndarray]

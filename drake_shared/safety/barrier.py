@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from pydrake.geometry import GeometryId
 
-from drake_shared.drift import Drift, Way
-from drake_shared.gaps import TOLERANCE, Gaps, Nearby
 from drake_shared.motion import Pose, Wheels
+from drake_shared.safety.drift import Drift, Way
+from drake_shared.safety.gaps import TOLERANCE, Gaps, Nearby
+from drake_shared.safety.stopping import StoppingPaths
 from drake_shared.scenario import Robot
-from drake_shared.stopping import StoppingPaths
 
 # A changed command aims this far beyond what is required, in [m]: the gap is only nearly linear in it.
 _AIM = 1e-4
