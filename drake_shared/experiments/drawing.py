@@ -126,6 +126,28 @@ def draw_band(
     axes.plot(*np.asarray(mean).T, color=colour, label=label, **{"linewidth": 1.5, **line})
 
 
+def draw_curve(
+    axes: Axes,
+    at: Sequence[float],
+    estimates: Sequence[Any],
+    colour: str,
+    label: str | None = None,
+    **line: Any,
+) -> None:
+    """Means as a curve in the band of their intervals; ``estimates`` are those of `statistics.interval`.
+
+    Args:
+        axes: Where to draw.
+        at: Of each estimate its place, shape (n,).
+        estimates, colour, label: Of the curve.
+        line: Other properties of its line.
+    """
+    edges = [one.low for one in estimates], [one.high for one in estimates]
+    axes.fill_between(at, *edges, color=colour, alpha=0.18, linewidth=0)
+    own = {"marker": "o", "markersize": 3, "linewidth": 1.4, "label": label, **line}
+    axes.plot(at, [one.mean for one in estimates], color=colour, **own)
+
+
 def draw_estimates(
     axes: Axes, at: Sequence[float], estimates: Sequence[Any], colour: str, label: str | None = None
 ) -> None:

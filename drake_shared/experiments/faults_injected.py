@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_shared.arbitration import DEFAULT
 from drake_shared.engine import Task
-from drake_shared.experiments.drawing import COLOURS, legend_below, new_figure
+from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
@@ -237,18 +237,7 @@ def _curves(rows: Sequence[Mapping[str, Any]], severities: Mapping[str, Sequence
     for place, (fault, values) in zip(axes.flat, severities.items(), strict=False):
         for arm, words in ARMS.items():
             found = [_estimate(rows, "intent_success", fault, value, arm) for value in values]
-            edges = [one.low for one in found], [one.high for one in found]
-            place.fill_between(values, *edges, color=_COLOURS[arm], alpha=0.18, linewidth=0)
-            place.plot(
-                values,
-                [one.mean for one in found],
-                color=_COLOURS[arm],
-                linestyle="--" if arm == "alone" else "-",
-                marker="o",
-                markersize=3.5,
-                linewidth=1.4,
-                label=words,
-            )
+            draw_curve(place, values, found, _COLOURS[arm], words, linestyle="--" if arm == "alone" else "-")
         place.set_xlabel(_NAMES[fault], fontsize=8)
         place.set_xticks(values)
         place.set_ylim(-3, 103)

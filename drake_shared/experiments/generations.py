@@ -11,7 +11,7 @@ from drake_shared.demonstrations import Demonstration
 from drake_shared.engine import Task
 from drake_shared.errors import RunError
 from drake_shared.evaluation import calibration_of_confidence, judge_confidence, ways_of
-from drake_shared.experiments.drawing import COLOURS, legend_below, new_figure
+from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
 from drake_shared.experiments.matched import groups
 from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
@@ -329,24 +329,8 @@ def _curves(rows: Sequence[Mapping[str, Any]], measures: Mapping[str, tuple[str,
         for place, (measure, (title, _)) in zip(row, measures.items(), strict=True):
             for arm, colour in ARMS.items():
                 found = [interval(_values(rows, measure, preset, arm, generation)) for generation in at]
-                place.fill_between(
-                    at,
-                    [one.low for one in found],
-                    [one.high for one in found],
-                    color=colour,
-                    alpha=0.15,
-                    linewidth=0,
-                )
-                place.plot(
-                    at,
-                    [one.mean for one in found],
-                    color=colour,
-                    linestyle="--" if arm == "frozen" else "-",
-                    marker=None if arm == "frozen" else "o",
-                    markersize=3,
-                    linewidth=1.4,
-                    label=arm,
-                )
+                line = {"linestyle": "--", "marker": None} if arm == "frozen" else {}
+                draw_curve(place, at, found, colour, arm, **line)
             if preset == PRESETS[0]:
                 place.set_title(title, fontsize=9)
             else:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from drake_shared.engine import Task
-from drake_shared.experiments.drawing import COLOURS, legend_below, new_figure
+from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
 from drake_shared.experiments.matched import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
@@ -201,24 +201,7 @@ def _curves(
             for operator, style in _STYLES.items():
                 told = {"preset": preset, "operator": operator, **fixed}
                 found = [_estimate(rows, measure, **told, **{name: value}) for value in values]
-                place.fill_between(
-                    values,
-                    [one.low for one in found],
-                    [one.high for one in found],
-                    color=COLOURS[preset],
-                    alpha=0.18,
-                    linewidth=0,
-                )
-                place.plot(
-                    values,
-                    [one.mean for one in found],
-                    color=COLOURS[preset],
-                    linestyle=style,
-                    marker="o",
-                    markersize=3,
-                    linewidth=1.4,
-                    label=f"{preset}, {operator}",
-                )
+                draw_curve(place, values, found, COLOURS[preset], f"{preset}, {operator}", linestyle=style)
         place.set_xscale("log")
         place.set_xticks(values, [number(value) for value in values])
         place.minorticks_off()
