@@ -63,7 +63,7 @@ def training_cost(preset: str, count: int) -> float:
     Optimising is bound by memory, which processes share: one alone is quicker.
     """
     groups = -(-count // SIDE_BY_SIDE)
-    return 8.5 * groups + 3.5 * count if preset == "paper" else 3.5 * groups + 1.0 * count
+    return 8.5 * groups + 3.5 * count if preset == "paper" else 4.0 * groups + 1.2 * count
 
 
 @functools.cache
