@@ -19,13 +19,14 @@ from drake_shared.files import replacing
 
 _STYLE = """
 :root { color-scheme: light; }
-body { font: 16px/1.5 system-ui, sans-serif; color: #1c1c1c; max-width: 54rem; margin: 2rem auto;
+body { font: 16px/1.5 system-ui, sans-serif; color: #1c1c1c; max-width: 62rem; margin: 2rem auto;
   padding: 0 1rem; }
 h1 { line-height: 1.2; } h2 { margin-top: 3rem; border-top: 1px solid #ccc; padding-top: 1.2rem; }
 nav ol { columns: 2; } figure { margin: 1.5rem 0; } figure svg { width: 100%; height: auto; }
 figcaption, caption { color: #555; font-size: .9rem; text-align: left; caption-side: top; }
 table { border-collapse: collapse; font-size: .88rem; margin: 1.2rem 0; font-variant-numeric: tabular-nums; }
-.wide { overflow-x: auto; } th, td { text-align: left; padding: .25rem .8rem .25rem 0; vertical-align: top; }
+.wide { overflow-x: auto; } .numbers { font-size: .8rem; } .numbers td { white-space: nowrap; }
+th, td { text-align: left; padding: .25rem .8rem .25rem 0; vertical-align: top; }
 thead th { border-bottom: 1.5px solid #444; } tbody tr { border-bottom: 1px solid #e4e4e4; }
 .verdict { font-weight: 600; white-space: nowrap; } .holds { color: #00694d; } .reversed { color: #a84500; }
 .equivalent { color: #00558a; } .open { color: #555; }
@@ -152,7 +153,7 @@ def _table(table: Table) -> str:
         "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows
     )
     return (
-        f'<div class="wide"><table><caption>{html.escape(table.caption)}</caption>'
+        f'<div class="wide"><table class="numbers"><caption>{html.escape(table.caption)}</caption>'
         f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
 
@@ -185,12 +186,12 @@ def with_interval(estimate: Estimate) -> str:
 
 
 def number(value: float | None) -> str:
-    """A number as it is read: three digits, and a dash where there is none."""
+    """A number as it is read: three digits, more of whole thousands, and a dash where there is none."""
     if value is None or math.isnan(value):
         return "–"
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
-    return f"{value:.3g}".replace("-", "−")
+    return f"{value:{'.0f' if 1e3 <= abs(value) < 1e6 else '.3g'}}".replace("-", "−")
 
 
 def _plain(section: Section) -> dict[str, Any]:

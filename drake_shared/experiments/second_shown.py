@@ -146,9 +146,10 @@ def means_table(means: Means) -> Table:
             values = [setups[setup] for setups in repeats.values() if setup in setups]
             if values:
                 averages = [_mean([value[name] for value in values]) for name in MEASURES]
-                told = [cell.preset, cell.operator, cell.arm, _SETUPS[setup], str(len(values))]
+                short = _SETUPS[setup].split(":")[0]
+                told = [cell.preset, cell.operator, cell.arm, short, str(len(values))]
                 rows.append([*told, *map(number, averages)])
-    return Table(caption="Means over repeats.", head=head, rows=rows)
+    return Table(caption=f"Means over repeats. {'; '.join(_SETUPS.values())}.", head=head, rows=rows)
 
 
 def difference_table(answers: Sequence[Compared], caption: str) -> Table:
