@@ -26,6 +26,7 @@ nav ol { columns: 2; } figure { margin: 1.5rem 0; } figure svg { width: 100%; he
 figcaption, caption { color: #555; font-size: .9rem; text-align: left; caption-side: top; }
 table { border-collapse: collapse; font-size: .88rem; margin: 1.2rem 0; font-variant-numeric: tabular-nums; }
 .wide { overflow-x: auto; } .numbers { font-size: .8rem; } .numbers td { white-space: nowrap; }
+.numbers .prose { white-space: normal; min-width: 14em; }
 th, td { text-align: left; padding: .25rem .8rem .25rem 0; vertical-align: top; }
 thead th { border-bottom: 1.5px solid #444; } tbody tr { border-bottom: 1px solid #e4e4e4; }
 .verdict { font-weight: 600; white-space: nowrap; } .holds { color: #00694d; } .reversed { color: #a84500; }
@@ -33,6 +34,7 @@ thead th { border-bottom: 1.5px solid #444; } tbody tr { border-bottom: 1px soli
 iframe { width: 100%; height: 26rem; border: 1px solid #ccc; } pre { background: #f4f4f4; padding: .8rem;
   overflow-x: auto; } .note { background: #f4f4f4; padding: .6rem 1rem; }
 """
+_LONGEST_NUMBER = 32
 _VERDICTS = (
     "A claim <b>holds</b> where its whole interval, adjusted for the number of questions asked together, "
     "lies beyond the smallest effect of interest; it is <b>reversed</b> where it lies beyond on the other "
@@ -149,13 +151,17 @@ def _own_names(svg: str, prefix: str) -> str:
 
 def _table(table: Table) -> str:
     head = "".join(f"<th>{html.escape(name)}</th>" for name in table.head)
-    rows = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows
-    )
+    rows = "".join("<tr>" + "".join(_cell(cell) for cell in row) + "</tr>" for row in table.rows)
     return (
         f'<div class="wide"><table class="numbers"><caption>{html.escape(table.caption)}</caption>'
         f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
+
+
+def _cell(text: str) -> str:
+    # A number with its interval stays in one line; what is longer is to be read, and wraps.
+    prose = ' class="prose"' if len(text) > _LONGEST_NUMBER else ""
+    return f"<td{prose}>{html.escape(text)}</td>"
 
 
 def _claims(claims: Sequence[Claim]) -> str:
