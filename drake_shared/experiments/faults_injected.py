@@ -205,15 +205,17 @@ def claims(rows: Sequence[Mapping[str, Any]]) -> list[Claim]:
         )
         for fault in FAULTS
     ]
-    sent = [row for row in rows if row["fault"].endswith("_nan")]
-    reached = [row["not_finite"] > 0 for row in sent]
+    sent = [
+        {"learner": row["learner"], "reached": row["not_finite"] > 0}
+        for row in rows
+        if row["fault"].endswith("_nan")
+    ]
     found.append(
         never(
             f"What is no number never reaches the plant, as a command or as its state (preset {PRESET}; the "
             "number is the share of trials with NaN from human, pose or learner, negative): it did in "
-            f"{sum(reached)} of {len(reached)} trials",
-            [row["learner"] for row in sent],
-            reached,
+            f"{sum(row['reached'] for row in sent)} of {len(sent)} trials",
+            by_learner(sent, "reached"),
         )
     )
     return found

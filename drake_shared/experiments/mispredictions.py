@@ -209,13 +209,16 @@ def _no_new_collision(rows: Sequence[Mapping[str, Any]], preset: str, words: str
         return tuple(row[name] for name in ("case", "operator", "learner", "seed"))
 
     alone = {key(row) for row in rows if row["arm"] == "human" and row["collision"]}
-    shared = [row for row in rows if row["preset"] == preset and row["arm"] == "on"]
-    new = [row["collision"] and key(row) not in alone for row in shared]
+    shared = [
+        {"learner": row["learner"], "new": row["collision"] and key(row) not in alone}
+        for row in rows
+        if row["preset"] == preset and row["arm"] == "on"
+    ]
     return never(
         f"With authority there is no collision that the human alone had not, {words} (preset {preset}; the "
-        f"number is the share of trials, negative): there was in {sum(new)} of {len(new)} trials",
-        [row["learner"] for row in shared],
-        new,
+        f"number is the share of trials, negative): there was in {sum(row['new'] for row in shared)} of "
+        f"{len(shared)} trials",
+        by_learner(shared, "new"),
     )
 
 

@@ -210,8 +210,8 @@ def at_least(text: str, values: ArrayLike, *, least: float, unit: str, level: fl
     )
 
 
-def never(text: str, learners: ArrayLike, happened: ArrayLike) -> Claim:
-    """The claim that something happens in none of some trials: one is enough to refute it.
+def never(text: str, shares: ArrayLike) -> Claim:
+    """The claim that something happens in no trial: one is enough to refute it.
 
     That it was not seen says much only where many had the chance, so that with fewer than six learners it is
     open, and the claim tells what the rule of three leaves possible: 3 / n, of learners, as the trials with
@@ -219,17 +219,15 @@ def never(text: str, learners: ArrayLike, happened: ArrayLike) -> Claim:
 
     Args:
         text: What does not happen.
-        learners: Of each trial the learner that took part, shape (n,).
-        happened: Whether it did in each, shape (n,).
+        shares: Of the trials with each learner those in which it did, shape (learners,).
     """
-    whose, seen = np.asarray(learners), np.asarray(happened, dtype=bool)
-    shares = np.array([seen[whose == learner].mean() for learner in np.unique(whose)])
+    seen = np.asarray(shares, dtype=float)
     if seen.any():
         found = "reversed"
     else:
-        found = "holds" if shares.size >= FEWEST else "open"
-        text += f" (by the rule of three it may with {min(1.0, 3.0 / max(shares.size, 1)):.0%} of learners)"
-    return Claim(text=text, estimate=interval(-100.0 * shares), smallest=0.0, unit="%", verdict=found)
+        found = "holds" if seen.size >= FEWEST else "open"
+        text += f" (by the rule of three it may with {min(1.0, 3.0 / max(seen.size, 1)):.0%} of learners)"
+    return Claim(text=text, estimate=interval(-100.0 * seen), smallest=0.0, unit="%", verdict=found)
 
 
 def paired_claims(questions: Sequence[dict[str, Any]], *, level: float = 0.95) -> list[Claim]:
