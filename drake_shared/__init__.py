@@ -5,71 +5,227 @@ Estimation for Human Agent Collaboration" (2022). Every part is a Drake LeafSyst
 ``MakeSharedControlDiagram`` wires them.
 """
 
-from drake_shared.arbitration import arbiter_names, make_arbiter
-from drake_shared.authority import Authority
-from drake_shared.counterfactual import Counterfactual, play_open_loop
-from drake_shared.demonstrations import read_demonstrations, write_demonstrations
-from drake_shared.diagram import AddSharedControl, MakeSharedControlDiagram, SharedControl
-from drake_shared.errors import DrakeSharedError, InputError, RunError
-from drake_shared.faults import Faults
-from drake_shared.learners import calibrate, load_learner, save_learner, train
-from drake_shared.metrics import metrics, summarize
-from drake_shared.replay import write_replay
-from drake_shared.scenario import Scenario, load_scenario
-from drake_shared.systems.confidence_blender import ConfidenceBlender
-from drake_shared.systems.diff_drive_plant import DiffDrivePlant
-from drake_shared.systems.dynamic_plant import DynamicPlant
-from drake_shared.systems.intention_estimator import Intention, IntentionEstimator
-from drake_shared.systems.intention_visualizer import IntentionVisualizer
-from drake_shared.systems.mouse_input import MouseInput
-from drake_shared.systems.recorded_input import RecordedInput
-from drake_shared.systems.safety_filter import SafetyFilter
-from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
-from drake_shared.systems.waypoint_controller import WaypointController
-from drake_shared.teaching import teach
-from drake_shared.trial import Simulation, Trial, TrialSettings, read_log, run_trial, write_log
+from __future__ import annotations
 
-__all__ = [
-    "AddSharedControl",
-    "Authority",
-    "Behaviour",
-    "ConfidenceBlender",
-    "Counterfactual",
-    "DiffDrivePlant",
-    "DrakeSharedError",
-    "DynamicPlant",
-    "Faults",
-    "InputError",
-    "Intention",
-    "IntentionEstimator",
-    "IntentionVisualizer",
-    "MakeSharedControlDiagram",
-    "MouseInput",
-    "RecordedInput",
-    "RunError",
-    "SafetyFilter",
-    "Scenario",
-    "SharedControl",
-    "Simulation",
-    "SurrogateOperator",
-    "Trial",
-    "TrialSettings",
-    "WaypointController",
-    "arbiter_names",
-    "calibrate",
-    "load_learner",
-    "load_scenario",
-    "make_arbiter",
-    "metrics",
-    "play_open_loop",
-    "read_demonstrations",
-    "read_log",
-    "run_trial",
-    "save_learner",
-    "summarize",
-    "teach",
-    "train",
-    "write_demonstrations",
-    "write_log",
-    "write_replay",
-]
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from drake_shared.analysis.counterfactual import (
+        Counterfactual as Counterfactual,
+    )
+    from drake_shared.analysis.counterfactual import (
+        play_open_loop as play_open_loop,
+    )
+    from drake_shared.analysis.metrics import (
+        metrics as metrics,
+    )
+    from drake_shared.analysis.metrics import (
+        summarize as summarize,
+    )
+    from drake_shared.analysis.replay import (
+        write_replay as write_replay,
+    )
+    from drake_shared.arbitration.authority import (
+        Authority as Authority,
+    )
+    from drake_shared.common.errors import (
+        DrakeSharedError as DrakeSharedError,
+    )
+    from drake_shared.common.errors import (
+        InputError as InputError,
+    )
+    from drake_shared.common.errors import (
+        RunError as RunError,
+    )
+    from drake_shared.demonstrations.demonstrations import (
+        read_demonstrations as read_demonstrations,
+    )
+    from drake_shared.demonstrations.demonstrations import (
+        write_demonstrations as write_demonstrations,
+    )
+    from drake_shared.learners import (
+        Learner as Learner,
+    )
+    from drake_shared.learners import (
+        calibrate as calibrate,
+    )
+    from drake_shared.learners import (
+        load_learner as load_learner,
+    )
+    from drake_shared.learners import (
+        save_learner as save_learner,
+    )
+    from drake_shared.learners import (
+        train as train,
+    )
+    from drake_shared.robots import (
+        DiffDrive as DiffDrive,
+    )
+    from drake_shared.scenario import (
+        Box as Box,
+    )
+    from drake_shared.scenario import (
+        Circle as Circle,
+    )
+    from drake_shared.scenario import (
+        Goal as Goal,
+    )
+    from drake_shared.scenario import (
+        Route as Route,
+    )
+    from drake_shared.scenario import (
+        Scenario as Scenario,
+    )
+    from drake_shared.scenario import (
+        Start as Start,
+    )
+    from drake_shared.scenario import (
+        Workspace as Workspace,
+    )
+    from drake_shared.scenario import (
+        load_scenario as load_scenario,
+    )
+    from drake_shared.simulation.diagram import (
+        AddSharedControl as AddSharedControl,
+    )
+    from drake_shared.simulation.diagram import (
+        MakeSharedControlDiagram as MakeSharedControlDiagram,
+    )
+    from drake_shared.simulation.diagram import (
+        SharedControl as SharedControl,
+    )
+    from drake_shared.simulation.faults import (
+        Faults as Faults,
+    )
+    from drake_shared.simulation.teaching import (
+        teach as teach,
+    )
+    from drake_shared.simulation.trial import (
+        Simulation as Simulation,
+    )
+    from drake_shared.simulation.trial import (
+        Trial as Trial,
+    )
+    from drake_shared.simulation.trial import (
+        TrialSettings as TrialSettings,
+    )
+    from drake_shared.simulation.trial import (
+        read_log as read_log,
+    )
+    from drake_shared.simulation.trial import (
+        run_trial as run_trial,
+    )
+    from drake_shared.simulation.trial import (
+        write_log as write_log,
+    )
+    from drake_shared.systems.arbiters import (
+        arbiter_names as arbiter_names,
+    )
+    from drake_shared.systems.arbiters import (
+        make_arbiter as make_arbiter,
+    )
+    from drake_shared.systems.confidence_blender import (
+        ConfidenceBlender as ConfidenceBlender,
+    )
+    from drake_shared.systems.diff_drive_plant import (
+        DiffDrivePlant as DiffDrivePlant,
+    )
+    from drake_shared.systems.dynamic_plant import (
+        DynamicPlant as DynamicPlant,
+    )
+    from drake_shared.systems.intention_estimator import (
+        Intention as Intention,
+    )
+    from drake_shared.systems.intention_estimator import (
+        IntentionEstimator as IntentionEstimator,
+    )
+    from drake_shared.systems.intention_visualizer import (
+        IntentionVisualizer as IntentionVisualizer,
+    )
+    from drake_shared.systems.mouse_input import (
+        MouseInput as MouseInput,
+    )
+    from drake_shared.systems.recorded_input import (
+        RecordedInput as RecordedInput,
+    )
+    from drake_shared.systems.safety_filter import (
+        SafetyFilter as SafetyFilter,
+    )
+    from drake_shared.systems.surrogate_operator import (
+        Behaviour as Behaviour,
+    )
+    from drake_shared.systems.surrogate_operator import (
+        SurrogateOperator as SurrogateOperator,
+    )
+    from drake_shared.systems.waypoint_controller import (
+        WaypointController as WaypointController,
+    )
+
+# A name is imported when it is first used (PEP 562), so that a learner loads without Drake.
+_MODULES = {
+    "AddSharedControl": "drake_shared.simulation.diagram",
+    "Authority": "drake_shared.arbitration.authority",
+    "Behaviour": "drake_shared.systems.surrogate_operator",
+    "Box": "drake_shared.scenario",
+    "Circle": "drake_shared.scenario",
+    "ConfidenceBlender": "drake_shared.systems.confidence_blender",
+    "Counterfactual": "drake_shared.analysis.counterfactual",
+    "DiffDrive": "drake_shared.robots",
+    "DiffDrivePlant": "drake_shared.systems.diff_drive_plant",
+    "DrakeSharedError": "drake_shared.common.errors",
+    "DynamicPlant": "drake_shared.systems.dynamic_plant",
+    "Faults": "drake_shared.simulation.faults",
+    "Goal": "drake_shared.scenario",
+    "InputError": "drake_shared.common.errors",
+    "Intention": "drake_shared.systems.intention_estimator",
+    "IntentionEstimator": "drake_shared.systems.intention_estimator",
+    "IntentionVisualizer": "drake_shared.systems.intention_visualizer",
+    "Learner": "drake_shared.learners",
+    "MakeSharedControlDiagram": "drake_shared.simulation.diagram",
+    "MouseInput": "drake_shared.systems.mouse_input",
+    "RecordedInput": "drake_shared.systems.recorded_input",
+    "Route": "drake_shared.scenario",
+    "RunError": "drake_shared.common.errors",
+    "SafetyFilter": "drake_shared.systems.safety_filter",
+    "Scenario": "drake_shared.scenario",
+    "SharedControl": "drake_shared.simulation.diagram",
+    "Simulation": "drake_shared.simulation.trial",
+    "Start": "drake_shared.scenario",
+    "SurrogateOperator": "drake_shared.systems.surrogate_operator",
+    "Trial": "drake_shared.simulation.trial",
+    "TrialSettings": "drake_shared.simulation.trial",
+    "WaypointController": "drake_shared.systems.waypoint_controller",
+    "Workspace": "drake_shared.scenario",
+    "arbiter_names": "drake_shared.systems.arbiters",
+    "calibrate": "drake_shared.learners",
+    "load_learner": "drake_shared.learners",
+    "load_scenario": "drake_shared.scenario",
+    "make_arbiter": "drake_shared.systems.arbiters",
+    "metrics": "drake_shared.analysis.metrics",
+    "play_open_loop": "drake_shared.analysis.counterfactual",
+    "read_demonstrations": "drake_shared.demonstrations.demonstrations",
+    "read_log": "drake_shared.simulation.trial",
+    "run_trial": "drake_shared.simulation.trial",
+    "save_learner": "drake_shared.learners",
+    "summarize": "drake_shared.analysis.metrics",
+    "teach": "drake_shared.simulation.teaching",
+    "train": "drake_shared.learners",
+    "write_demonstrations": "drake_shared.demonstrations.demonstrations",
+    "write_log": "drake_shared.simulation.trial",
+    "write_replay": "drake_shared.analysis.replay",
+}
+
+__all__ = sorted(_MODULES)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(_MODULES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_MODULES})

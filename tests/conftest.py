@@ -8,7 +8,7 @@ import pytest
 from pydrake.systems.framework import Context, LeafSystem
 
 from drake_shared.scenario import Goal, Route, Scenario, Workspace, load_scenario
-from drake_shared.trial import Simulation, Trial, TrialSettings
+from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 
 
 class FakeLearner:

@@ -15,18 +15,18 @@ from pathlib import Path
 from pydrake.systems.framework import LeafSystem
 from threadpoolctl import threadpool_limits
 
-from drake_shared.authority import Authority
+from drake_shared.arbitration.authority import Authority
+from drake_shared.cockpit.driver_lock import DriverLock
 from drake_shared.cockpit.meshcat_proxy import start_meshcat
-from drake_shared.cockpit.seat import Seat
 from drake_shared.cockpit.server import DEFAULT_PORT, CockpitServer
 from drake_shared.cockpit.session import Session
-from drake_shared.errors import InputError
-from drake_shared.files import check_writable
+from drake_shared.common.errors import InputError
+from drake_shared.common.files import check_writable
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
-from drake_shared.scenery import draw_scenery, look_from_above
+from drake_shared.simulation.scene_drawing import draw_scene, look_from_above
+from drake_shared.simulation.trial import Simulation, Trial
 from drake_shared.systems.mouse_input import MouseInput, MouseSource
-from drake_shared.trial import Simulation, Trial
 
 OPERATORS = ("mouse", "surrogate")
 
@@ -58,7 +58,7 @@ def drive(
         learner: Predicts intentions; the person drives alone without one.
         operator: "mouse" for a person at the page, "surrogate" for a simulated operator to look at.
         assist: Whether the agent takes part at first; the page can switch it.
-        authority: What is left to the human; as for :class:`drake_shared.trial.Simulation`.
+        authority: What is left to the human; as for :class:`drake_shared.simulation.trial.Simulation`.
         safety_clearance: Kept by a safety filter, in [m]; without one if None.
         record: Folder for the logs; nothing is kept if None.
         host: Address to listen on; loopback unless said otherwise.
@@ -122,7 +122,7 @@ def open_session(
         raise InputError("operator", "", f"must be one of {', '.join(OPERATORS)}", repr(operator))
     if record is not None:
         check_writable(record)
-    seat = Seat(open=operator != "surrogate", assist=assist and learner is not None)
+    seat = DriverLock(open=operator != "surrogate", assist=assist and learner is not None)
     meshcat = start_meshcat()
     server = CockpitServer(meshcat_url=meshcat.web_url(), seat=seat, host=host, port=port)
     with server, _quick_threads():
@@ -138,7 +138,7 @@ def open_session(
             safety_clearance=safety_clearance,
             meshcat=meshcat,
         )
-        draw_scenery(meshcat, scenario)
+        draw_scene(meshcat, scenario)
         look_from_above(meshcat, scenario)
         yield Session(
             simulation=simulation,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import threading
 
-from drake_shared.cockpit.seat import Seat
+from drake_shared.cockpit.driver_lock import DriverLock
+from drake_shared.simulation.trial import RunningTrial
 from drake_shared.systems.mouse_input import STALE_AFTER
-from drake_shared.trial import RunningTrial
 
 INTERRUPTED = "interrupted"
 """Status of a trial during which the program was told to end."""
@@ -29,7 +29,7 @@ class DriverWatch:
     """
 
     def __init__(
-        self, seat: Seat, engagement: int, running: RunningTrial, interrupted: threading.Event
+        self, seat: DriverLock, engagement: int, running: RunningTrial, interrupted: threading.Event
     ) -> None:
         self._seat = seat
         self._engagement = engagement

@@ -16,7 +16,7 @@ import numpy as np
 
 from drake_shared.cockpit.drive import open_session
 from drake_shared.cockpit.session import Session
-from drake_shared.errors import RunError
+from drake_shared.common.errors import RunError
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario, load_scenario
 from drake_shared.systems.mouse_input import MouseInput, StickSettings

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from drake_shared.metrics import metrics
+from drake_shared.analysis.metrics import metrics
 from drake_shared.scenario import Scenario
+from drake_shared.simulation.trial import RunningTrial, Simulation, Trial
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.mouse_input import MouseInput
-from drake_shared.trial import RunningTrial, Simulation, Trial
 
 SHOWN_METRICS = (
     "completion_time",

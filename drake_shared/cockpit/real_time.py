@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drake_shared.cockpit.pacer import Pacer
-from drake_shared.trial import RunningTrial
+from drake_shared.simulation.trial import RunningTrial
 
 SLICE = 0.005
 """Simulated time, in [s], that is run at once: how often the driver's samples can come in."""

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 from aiohttp import web
 
-from drake_shared.cockpit.allowance import Allowance
+from drake_shared.cockpit.rate_limiter import Allowance
 
 _CHUNK = 1 << 18
 _FULL = 1 << 20

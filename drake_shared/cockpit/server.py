@@ -18,10 +18,10 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from drake_shared.cockpit.access import Access, is_loopback
-from drake_shared.cockpit.allowance import Allowance
-from drake_shared.cockpit.audience import Audience, Page
-from drake_shared.cockpit.door import Door
-from drake_shared.cockpit.listening import listen
+from drake_shared.cockpit.broadcast import Audience, Page
+from drake_shared.cockpit.connection_limits import Door
+from drake_shared.cockpit.driver_lock import LET_GO, LOST, DriverLock
+from drake_shared.cockpit.listening_socket import listen
 from drake_shared.cockpit.meshcat_proxy import MeshcatProxy
 from drake_shared.cockpit.messages import (
     MAX_BYTES,
@@ -34,7 +34,7 @@ from drake_shared.cockpit.messages import (
     SetStick,
     parse,
 )
-from drake_shared.cockpit.seat import LET_GO, LOST, Seat
+from drake_shared.cockpit.rate_limiter import Allowance
 
 DEFAULT_PORT = 8080
 MAX_PAGES = 32
@@ -65,7 +65,7 @@ class CockpitServer:
         self,
         *,
         meshcat_url: str,
-        seat: Seat,
+        seat: DriverLock,
         host: str = "127.0.0.1",
         port: int = DEFAULT_PORT,
         token: str | None = None,

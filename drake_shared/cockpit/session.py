@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import Meshcat
 
+from drake_shared.cockpit.driver_lock import DriverLock
 from drake_shared.cockpit.driver_watch import INTERRUPTED, DriverWatch
 from drake_shared.cockpit.page_state import Instruments, describe_now, describe_result, describe_scene
 from drake_shared.cockpit.real_time import RealTime
-from drake_shared.cockpit.seat import Seat
 from drake_shared.cockpit.server import CockpitServer
-from drake_shared.errors import DrakeSharedError
-from drake_shared.scenery import draw_way
+from drake_shared.common.errors import DrakeSharedError
+from drake_shared.simulation.scene_drawing import draw_path
+from drake_shared.simulation.trial import RunningTrial, Simulation, Trial, TrialSettings, write_log
 from drake_shared.systems.mouse_input import MouseInput
-from drake_shared.trial import RunningTrial, Simulation, Trial, TrialSettings, write_log
 
 FAILED = "failed"
 """Status of a trial during which an exception was raised."""
@@ -60,7 +60,7 @@ class Session:
         self._simulation = simulation
         self._meshcat = meshcat
         self.server = server
-        self._seat: Seat = server.seat
+        self._seat: DriverLock = server.seat
         self._interrupted = interrupted
         self._record = record
         self._say = say
@@ -94,7 +94,7 @@ class Session:
         return self._enough or self._interrupted.is_set()
 
     def _begin(self, **settings: Any) -> RunningTrial:
-        draw_way(self._meshcat, np.empty((0, 2)))
+        draw_path(self._meshcat, np.empty((0, 2)))
         mode = "shared" if self._seat.assist and self._simulation.learner is not None else "human"
         # The goal ends it at a control step, see RealTime.
         return self._simulation.begin(TrialSettings(mode=mode, end="duration", **settings))
@@ -161,7 +161,7 @@ class Session:
             described["driver"] |= {"max_speed": operator.max_speed, "max_yaw_rate": operator.max_yaw_rate}
         trial = running.finish(status, end="reached", **described)
         saved, trouble = self._save(trial, ended)
-        draw_way(self._meshcat, trial.positions)
+        draw_path(self._meshcat, trial.positions)
         self._result = describe_result(trial, saved, trouble)
         self._say(
             f"Trial {self._number}: {status} after {self._result['time']:.2f} s" + _kept(saved, trouble)

@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from drake_shared.engine import Task
-from drake_shared.experiments.drawing import BLACK, COLOURS, PURPLE, legend_below, new_figure
-from drake_shared.experiments.matched import by_learner, groups, settings, taught
-from drake_shared.experiments.report import number, with_interval
-from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
-from drake_shared.experiments.setting import (
+from drake_shared.analysis.statistics import Claim, at_least, claim, interval, not_worse, paired_claims
+from drake_shared.experiments.common import (
     ALONE_COST,
     TRIAL_COST,
     measured,
@@ -19,7 +15,11 @@ from drake_shared.experiments.setting import (
     train_all,
     training_cost,
 )
-from drake_shared.experiments.statistics import Claim, at_least, claim, interval, not_worse, paired_claims
+from drake_shared.experiments.drawing import BLACK, COLOURS, PURPLE, legend_below, new_figure
+from drake_shared.experiments.paired_trials import by_learner, groups, settings, taught
+from drake_shared.experiments.report import number, with_interval
+from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
+from drake_shared.simulation.runner import Task
 
 OPERATORS = ("primary", "unskilled", "switching")
 ARMS: Mapping[str, dict[str, Any]] = {
@@ -219,7 +219,7 @@ def _trained(scenario: str | None, kind: str, learners: Sequence[int]) -> list[A
     sets = [taught(scenario, index) for index in learners]
     if kind != "mixture":
         return train_all(sets, learners, preset=kind)
-    from drake_shared.learners.mixture_training import train_mixture
+    from drake_shared.learners.mixture.training import train_mixture
 
     return [
         train_mixture(one, seed=index, parameters=studied("default"))

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from drake_shared import obstacles
-from drake_shared.scenario import Scenario
+from drake_shared.scenario import Scenario, obstacles
 
 if TYPE_CHECKING:
     import numpy as np

@@ -7,13 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.arbitration import DEFAULT
-from drake_shared.engine import Task
-from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
-from drake_shared.experiments.matched import by_learner, groups, settings, taught
-from drake_shared.experiments.report import number, with_interval
-from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
-from drake_shared.experiments.setting import (
+from drake_shared.analysis.statistics import Claim, Estimate, interval, never, not_worse
+from drake_shared.experiments.common import (
     ALONE_COST,
     TRIAL_COST,
     measured,
@@ -21,9 +16,14 @@ from drake_shared.experiments.setting import (
     train_all,
     training_cost,
 )
-from drake_shared.experiments.statistics import Claim, Estimate, interval, never, not_worse
-from drake_shared.faults import Faults
-from drake_shared.trial import Trial, TrialSettings
+from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
+from drake_shared.experiments.paired_trials import by_learner, groups, settings, taught
+from drake_shared.experiments.report import number, with_interval
+from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
+from drake_shared.simulation.faults import Faults
+from drake_shared.simulation.runner import Task
+from drake_shared.simulation.trial import Trial, TrialSettings
+from drake_shared.systems.arbiters import DEFAULT
 
 PRESET, OPERATOR = "default", "primary"
 ARMS = {"alone": "human alone", "assisted": "shared control"}

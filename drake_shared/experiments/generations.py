@@ -7,15 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.demonstrations import Demonstration
-from drake_shared.engine import Task
-from drake_shared.errors import RunError
-from drake_shared.evaluation import calibration_of_confidence, judge_confidence, ways_of
-from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
-from drake_shared.experiments.matched import groups
-from drake_shared.experiments.report import number, with_interval
-from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
-from drake_shared.experiments.setting import (
+from drake_shared.analysis.evaluation import calibration_of_confidence, judge_confidence, ways_of
+from drake_shared.analysis.metrics import metrics
+from drake_shared.analysis.statistics import Claim, interval, not_worse, paired, paired_claims
+from drake_shared.common.errors import RunError
+from drake_shared.demonstrations.demonstrations import Demonstration
+from drake_shared.experiments.common import (
     as_demonstrations,
     drives,
     run,
@@ -23,9 +20,12 @@ from drake_shared.experiments.setting import (
     train_all,
     training_cost,
 )
-from drake_shared.experiments.statistics import Claim, interval, not_worse, paired, paired_claims
-from drake_shared.metrics import metrics
-from drake_shared.operators import OPERATORS
+from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
+from drake_shared.experiments.paired_trials import groups
+from drake_shared.experiments.report import number, with_interval
+from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
+from drake_shared.operators.named import OPERATORS
+from drake_shared.simulation.runner import Task
 
 PRESETS = ("paper", "default")
 OPERATOR = "unskilled"

@@ -9,10 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.arbitration import DEFAULT
-from drake_shared.engine import Task
-from drake_shared.experiments.matched import by_learner, groups, settings, taught
-from drake_shared.experiments.mispredicted_cases import (
+from drake_shared.analysis.statistics import Claim, at_least, never
+from drake_shared.experiments.common import (
+    as_demonstrations,
+    measured,
+    scenario_of,
+    simulation_of,
+    train_all,
+    training_cost,
+)
+from drake_shared.experiments.misprediction_cases import (
     ARMS,
     CASES,
     LEAST,
@@ -33,19 +39,13 @@ from drake_shared.experiments.mispredicted_cases import (
     untaught,
     variants,
 )
-from drake_shared.experiments.mispredicted_shown import paths, recoveries, successes, table
+from drake_shared.experiments.misprediction_figures import paths, recoveries, successes, table
+from drake_shared.experiments.paired_trials import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size
-from drake_shared.experiments.setting import (
-    as_demonstrations,
-    measured,
-    scenario_of,
-    simulation_of,
-    train_all,
-    training_cost,
-)
-from drake_shared.experiments.statistics import Claim, at_least, never
-from drake_shared.trial import Simulation, Trial, TrialSettings
+from drake_shared.simulation.runner import Task
+from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
+from drake_shared.systems.arbiters import DEFAULT
 
 # Round a new obstacle three trials are enough: they take each route of the shipped scenarios once.
 _GROUP, _ROUND = 10, 3

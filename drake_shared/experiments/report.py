@@ -13,9 +13,9 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from drake_shared.analysis.statistics import Claim, Estimate
+from drake_shared.common.files import replacing
 from drake_shared.experiments.section import Section, Table
-from drake_shared.experiments.statistics import Claim, Estimate
-from drake_shared.files import replacing
 
 _STYLE = """
 :root { color-scheme: light; }

@@ -11,13 +11,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from drake_shared.engine import Progress, Store, Task, run_tasks
-from drake_shared.engine.executors import executor
-from drake_shared.engine.identity import identity
-from drake_shared.errors import InputError
+from drake_shared.common.errors import InputError
+from drake_shared.experiments.common import ALONE_COST, run, scenario_of
 from drake_shared.experiments.report import remove_report, write_report
 from drake_shared.experiments.section import Experiment, Section, Size
-from drake_shared.experiments.setting import ALONE_COST, run, scenario_of
+from drake_shared.simulation.runner import Progress, Store, Task, run_tasks
+from drake_shared.simulation.runner.executors import executor
+from drake_shared.simulation.runner.identity import identity
 
 NAMES = (
     "weighting",

@@ -7,8 +7,8 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from drake_shared.engine import Task
-from drake_shared.experiments.statistics import Claim
+from drake_shared.analysis.statistics import Claim
+from drake_shared.simulation.runner import Task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from drake_shared.engine import Task
-from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
-from drake_shared.experiments.matched import by_learner, groups, settings, taught
-from drake_shared.experiments.report import number, with_interval
-from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
-from drake_shared.experiments.setting import (
+from drake_shared.analysis.statistics import Estimate, interval
+from drake_shared.experiments.common import (
     ALONE_COST,
     TRIAL_COST,
     measured,
@@ -18,7 +14,11 @@ from drake_shared.experiments.setting import (
     train_all,
     training_cost,
 )
-from drake_shared.experiments.statistics import Estimate, interval
+from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
+from drake_shared.experiments.paired_trials import by_learner, groups, settings, taught
+from drake_shared.experiments.report import number, with_interval
+from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
+from drake_shared.simulation.runner import Task
 
 PRESETS = ("paper", "default")
 OPERATORS = ("primary", "unskilled")

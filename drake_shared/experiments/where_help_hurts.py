@@ -5,13 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from drake_shared.behaviour import Behaviour
-from drake_shared.engine import Task
-from drake_shared.experiments.drawing import new_figure
-from drake_shared.experiments.matched import by_learner, groups, settings, taught
-from drake_shared.experiments.report import number
-from drake_shared.experiments.section import Experiment, Picture, Section, Size
-from drake_shared.experiments.setting import (
+from drake_shared.analysis.statistics import Estimate, interval
+from drake_shared.experiments.common import (
     ALONE_COST,
     TRIAL_COST,
     measured,
@@ -19,7 +14,12 @@ from drake_shared.experiments.setting import (
     train_all,
     training_cost,
 )
-from drake_shared.experiments.statistics import Estimate, interval
+from drake_shared.experiments.drawing import new_figure
+from drake_shared.experiments.paired_trials import by_learner, groups, settings, taught
+from drake_shared.experiments.report import number
+from drake_shared.experiments.section import Experiment, Picture, Section, Size
+from drake_shared.operators.behaviour import Behaviour
+from drake_shared.simulation.runner import Task
 
 PRESETS = ("paper", "default")
 # From drivers who never fail alone to some who always do.

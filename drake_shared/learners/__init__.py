@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from drake_shared.demonstrations import Demonstrations
-from drake_shared.errors import InputError
+from drake_shared.common.errors import InputError
+from drake_shared.demonstrations.demonstrations import Demonstrations
+from drake_shared.learners.base import Learner, confidence, mean_variance
 from drake_shared.learners.calibration import calibrate
-from drake_shared.learners.interface import Learner, confidence, mean_variance
-from drake_shared.learners.parameters import PRESETS, TrainingParameters
+from drake_shared.learners.cnmp.parameters import PRESETS, TrainingParameters
 from drake_shared.learners.registry import find_learner, learner_names
 from drake_shared.learners.storage import load_learner, save_learner
 
@@ -40,8 +40,8 @@ def train(
         learner: "cnmp", "mixture", "cesn", "promp" or one that is registered; see
             `drake_shared.learners.registry`.
         members: More than one makes an ensemble of a "cnmp"; see `drake_shared.learners.ensemble`.
-        options: preset, weighted, seed, seconds, iterations, progress; `drake_shared.learners.training.train`
-            says what they mean.
+        options: preset, weighted, seed, seconds, iterations, progress;
+            `drake_shared.learners.cnmp.training.train` says what they mean.
 
     Raises:
         InputError: There is no such learner, or it cannot be taught so.

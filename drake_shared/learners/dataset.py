@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_shared.arrays import path_at
-from drake_shared.demonstrations import Demonstration, Demonstrations, sampling_weights
-from drake_shared.errors import InputError
+from drake_shared.common.arrays import path_at
+from drake_shared.common.errors import InputError
+from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations, sampling_weights
 
 SPACING = 0.1
 """Of the grid, in [s]; with half of it the human's weight changes by less than 0.005."""

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drake_shared.demonstrations import Demonstrations
-from drake_shared.errors import InputError
+from drake_shared.common.errors import InputError
+from drake_shared.demonstrations.demonstrations import Demonstrations
 from drake_shared.learners.calibration import calibrate
-from drake_shared.learners.cnmp import CnmpLearner
-from drake_shared.learners.cnmp_file import cnmps_from_file, cnmps_to_file
-from drake_shared.learners.fields import number_of
+from drake_shared.learners.cnmp.file import cnmps_from_file, cnmps_to_file
+from drake_shared.learners.cnmp.learner import CnmpLearner
+from drake_shared.learners.metadata_fields import number_of
 
 SEED_STEP = 104_729
 """From one member's seed to the next, so that ensembles of neighbouring seeds share no member."""
@@ -49,7 +49,7 @@ class EnsembleLearner:
     def train(
         cls, demonstrations: Demonstrations, *, members: int = 5, seed: int = 0, **options: Any
     ) -> EnsembleLearner:
-        """Trains the members side by side; see `drake_shared.learners.training.train`. Imports torch.
+        """Trains the members side by side; see `drake_shared.learners.cnmp.training.train`. Imports torch.
 
         Args:
             demonstrations: At least one.
@@ -63,7 +63,7 @@ class EnsembleLearner:
         begun = perf_counter()
         if not 2 <= members <= MOST_MEMBERS:
             raise InputError("train", "members", f"must be from 2 to {MOST_MEMBERS}", members)
-        from drake_shared.learners.training import train_together
+        from drake_shared.learners.cnmp.training import train_together
 
         seeds = [seed + SEED_STEP * member for member in range(members)]
         trained = train_together([demonstrations] * members, seeds, begun=begun, **options)

@@ -16,22 +16,22 @@ import importlib
 import os
 from typing import Any
 
-from drake_shared.errors import InputError
-from drake_shared.registered import load_registered, registered_names
+from drake_shared.common.entry_points import load_registered, registered_names
+from drake_shared.common.errors import InputError
 
 GROUP = "drake_shared.learners"
-_OURS = {
-    "cesn": "drake_shared.learners.cesn:CesnLearner",
-    "cnmp": "drake_shared.learners.cnmp:CnmpLearner",
+_BUILT_IN = {
+    "cesn": "drake_shared.learners.cesn.learner:CesnLearner",
+    "cnmp": "drake_shared.learners.cnmp.learner:CnmpLearner",
     "ensemble": "drake_shared.learners.ensemble:EnsembleLearner",
-    "mixture": "drake_shared.learners.mixture:MixtureLearner",
+    "mixture": "drake_shared.learners.mixture.learner:MixtureLearner",
     "promp": "drake_shared.learners.promp:PrompLearner",
 }
 
 
 def learner_names() -> list[str]:
     """Names of all learners that are registered."""
-    return sorted({*_OURS, *registered_names(GROUP)})
+    return sorted({*_BUILT_IN, *registered_names(GROUP)})
 
 
 def find_learner(name: str, *, source: str | os.PathLike[str] = "learner") -> Any:
@@ -44,8 +44,8 @@ def find_learner(name: str, *, source: str | os.PathLike[str] = "learner") -> An
     Raises:
         InputError: There is none of that name, or what was registered cannot be imported.
     """
-    if name in _OURS:
-        module, _, kind = _OURS[name].partition(":")
+    if name in _BUILT_IN:
+        module, _, kind = _BUILT_IN[name].partition(":")
         return getattr(importlib.import_module(module), kind)
     found = load_registered(GROUP, name, source=source, field="learner")
     if found is None:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from drake_shared.errors import InputError
-from drake_shared.files import replacing, sha256_of
-from drake_shared.learners.interface import Learner
+from drake_shared.common.errors import InputError
+from drake_shared.common.files import replacing, sha256_of
+from drake_shared.learners.base import Learner
 from drake_shared.learners.registry import find_learner
 
 FORMAT = "drake_shared.learner"

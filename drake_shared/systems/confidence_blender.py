@@ -11,8 +11,8 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
-from drake_shared.authority import Authority
-from drake_shared.scenario import Robot
+from drake_shared.arbitration.authority import Authority
+from drake_shared.robots import DiffDrive
 
 MODES = ("shared", "human", "agent")
 
@@ -54,7 +54,8 @@ class ConfidenceBlender(LeafSystem):
     Parameters (of the Context):
         mode: "shared", or "human" (w = 1) or "agent" (w = 0) for comparison; see :meth:`set_mode`.
 
-    With an :class:`~drake_shared.authority.Authority` there is, in mode "shared", more to w than confidence:
+    With an :class:`~drake_shared.arbitration.authority.Authority` there is, in mode "shared", more to w than
+    confidence:
 
     - It is never below the floor.
     - Commands are compared as twists (v, lever * yaw rate) with a lever of 0.5 m. Once they have pointed
@@ -82,11 +83,11 @@ class ConfidenceBlender(LeafSystem):
     """
 
     def __init__(
-        self, *, authority: Authority | None = None, robot: Robot | None = None, period: float = 0.05
+        self, *, authority: Authority | None = None, robot: DiffDrive | None = None, period: float = 0.05
     ) -> None:
         super().__init__()
         self._authority = authority
-        self._robot = robot or Robot()
+        self._robot = robot or DiffDrive()
         self._period = period
         self._human_port = self.DeclareVectorInputPort("human_command", 2)
         self._autonomous_port = self.DeclareVectorInputPort("autonomous_command", 2)
@@ -106,11 +107,11 @@ class ConfidenceBlender(LeafSystem):
             )
             return
         self._idle_port = self.DeclareVectorInputPort("idle_time", 1)
-        self._before_index = self.DeclareDiscreteState(np.array(_Held().to_list()))
+        self._before_index = self.DeclareDiscreteState(np.array(_BlendState().to_list()))
         idle = self.input_port_ticket(self._idle_port.get_index())
         prerequisites = {human, autonomous, confidence, idle, mode, self.xd_ticket()}
         self._held = self.DeclareCacheEntry(
-            "held", ValueProducer(lambda: Value(_Held()), self._calc_held), prerequisites
+            "held", ValueProducer(lambda: Value(_BlendState()), self._calc_held), prerequisites
         )
         from_held = {self._held.ticket()}
         self.DeclareVectorOutputPort("human_weight", 1, self._calc_held_weight, from_held)
@@ -143,12 +144,12 @@ class ConfidenceBlender(LeafSystem):
             or context.get_abstract_parameter(self._mode_index).get_value() != "shared"
         ):
             return None
-        held: _Held = self._held.Eval(context)
+        held: _BlendState = self._held.Eval(context)
         if held.released:
             return "conflict"
         return "hands_off" if self._is_hands_off(held) else None
 
-    def _is_hands_off(self, held: _Held) -> bool:
+    def _is_hands_off(self, held: _BlendState) -> bool:
         assert self._authority is not None
         time = self._authority.hands_off_time
         return time is not None and held.still >= time - 1e-9
@@ -167,7 +168,7 @@ class ConfidenceBlender(LeafSystem):
 
     def _calc_held(self, context: Context, output: Value) -> None:
         """What is applied now, and with it what the next step goes on from."""
-        before = _Held(*context.get_discrete_state(self._before_index).value().tolist())
+        before = _BlendState(*context.get_discrete_state(self._before_index).value().tolist())
         human = self._human_port.Eval(context).tolist()
         autonomous = self._autonomous_port.Eval(context).tolist()
         mode = context.get_abstract_parameter(self._mode_index).get_value()
@@ -185,8 +186,8 @@ class ConfidenceBlender(LeafSystem):
         return self._idle_port.Eval(context).item() if self._idle_port.HasValue(context) else None
 
     def _watched(
-        self, before: _Held, human: Sequence[float], agent: Sequence[float], idle: float | None
-    ) -> _Held:
+        self, before: _BlendState, human: Sequence[float], agent: Sequence[float], idle: float | None
+    ) -> _BlendState:
         """How long what has lasted, by now."""
         authority, period = self._authority, self._period
         assert authority is not None
@@ -203,7 +204,7 @@ class ConfidenceBlender(LeafSystem):
         left, right = human
         gives = math.isfinite(left + right) and max(abs(left), abs(right)) > _NOTHING
         still = 0.0 if gives else (before.still + period if idle is None else idle)
-        return _Held(apart=apart, agreed=agreed, released=released, still=still)
+        return _BlendState(apart=apart, agreed=agreed, released=released, still=still)
 
     def _angle(self, human: Sequence[float], agent: Sequence[float]) -> float:
         """Between both commands as twists, in [rad]; NaN if one of them points nowhere."""
@@ -215,7 +216,7 @@ class ConfidenceBlender(LeafSystem):
         across = speed * other_turn - turn * other_speed
         return abs(math.atan2(across, speed * other_speed + turn * other_turn))
 
-    def _weighed(self, before: _Held, held: _Held, confidence: float) -> float:
+    def _weighed(self, before: _BlendState, held: _BlendState, confidence: float) -> float:
         """w, by confidence and authority, no further from that before than its rate allows."""
         authority = self._authority
         assert authority is not None
@@ -229,7 +230,7 @@ class ConfidenceBlender(LeafSystem):
         most = rate * self._period
         return min(max(weight, before.weight - most), before.weight + most)
 
-    def _caught_up(self, before: _Held, command: Sequence[float]) -> tuple[float, float]:
+    def _caught_up(self, before: _BlendState, command: Sequence[float]) -> tuple[float, float]:
         """As far from the command before towards ``command``, [left, right], as the rate allows."""
         assert self._authority is not None
         left, right = command
@@ -246,7 +247,7 @@ class ConfidenceBlender(LeafSystem):
         output[0] = self._held.Eval(context).weight
 
     def _calc_held_command(self, context: Context, output: BasicVector) -> None:
-        held: _Held = self._held.Eval(context)
+        held: _BlendState = self._held.Eval(context)
         output.set_value(np.array([held.left, held.right]))
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
@@ -254,7 +255,7 @@ class ConfidenceBlender(LeafSystem):
 
 
 @dataclasses.dataclass(slots=True)
-class _Held:
+class _BlendState:
     """What one step hands to the next; see the State of :class:`ConfidenceBlender`."""
 
     weight: float = 1.0

@@ -10,10 +10,11 @@ from pydrake.geometry import FrameId, FramePoseVector, QueryObject, SceneGraph, 
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from drake_shared.motion import Pose, motion, speeds_after
-from drake_shared.obstacles import least_distance
-from drake_shared.robot_geometry import register_robot
-from drake_shared.scenario import Robot, Start
+from drake_shared.robots import DiffDrive
+from drake_shared.robots.illustration import register_robot
+from drake_shared.robots.motion import Pose, motion, speeds_after
+from drake_shared.scenario import Start
+from drake_shared.scenario.obstacles import least_distance
 
 # How far short of an obstacle the body stops, in [m]: rounding never carries it inside.
 _MARGIN = 1e-6
@@ -65,7 +66,7 @@ class DiffDrivePlant(LeafSystem):
     def __init__(
         self,
         *,
-        robot: Robot,
+        robot: DiffDrive,
         start: Start | None = None,
         period: float = 0.05,
         scene_graph: SceneGraph | None = None,

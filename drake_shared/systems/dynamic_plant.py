@@ -9,11 +9,12 @@ import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.systems.framework import Context, DiscreteValues
 
-from drake_shared.motion import speeds_after
-from drake_shared.obstacles import Obstacle
-from drake_shared.robot_dynamics import RobotDynamics
-from drake_shared.scenario import Robot, Start
+from drake_shared.robots import DiffDrive
+from drake_shared.robots.motion import speeds_after
+from drake_shared.scenario import Start
+from drake_shared.scenario.obstacles import Obstacle
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
+from drake_shared.systems.robot_dynamics import RobotDynamics
 
 # Of the contact solver, in [s].
 _LONGEST_STEP = 0.005
@@ -60,7 +61,7 @@ class DynamicPlant(DiffDrivePlant):
     def __init__(
         self,
         *,
-        robot: Robot,
+        robot: DiffDrive,
         obstacles: Sequence[Obstacle] = (),
         start: Start | None = None,
         period: float = 0.05,

@@ -11,10 +11,10 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
+from drake_shared.demonstrations.progress_clock import ProgressClock
 from drake_shared.learners import Learner, confidence
 from drake_shared.learners.modes import Modes
-from drake_shared.scenario import Robot
-from drake_shared.systems.progress_clock import ProgressClock
+from drake_shared.robots import DiffDrive
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ _MOMENTS = 8
 # A command that leads less far than this, in [m], points nowhere.
 _POINTING = 0.05
 
-NOTHING_YET = Intention(
+EMPTY_INTENTION = Intention(
     time=0.0, times=np.zeros(1), mean=np.full((1, 2), math.nan), variance=np.full((1, 2), math.inf), first=0
 )
 
@@ -144,10 +144,10 @@ class IntentionEstimator(LeafSystem):
     """
 
     def __init__(
-        self, *, learner: Learner, robot: Robot | None = None, period: float = 0.05, reach: float = 0.8
+        self, *, learner: Learner, robot: DiffDrive | None = None, period: float = 0.05, reach: float = 0.8
     ) -> None:
         super().__init__()
-        self._robot = robot or Robot()
+        self._robot = robot or DiffDrive()
         self._reach = reach
         self._pose_port = self.DeclareVectorInputPort("pose", 3)
         self._human_port = self.DeclareVectorInputPort("human_command", 2)
@@ -163,7 +163,7 @@ class IntentionEstimator(LeafSystem):
             self.input_port_ticket(self._human_port.get_index()),
         }
         self._intention_port = self.DeclareAbstractOutputPort(
-            "intention", lambda: Value(NOTHING_YET), self._calc_estimate, prerequisites
+            "intention", lambda: Value(EMPTY_INTENTION), self._calc_estimate, prerequisites
         )
         self.DeclareVectorOutputPort("confidence", 1, self._calc_confidence, prerequisites)
         self.DeclareVectorOutputPort("mean_variance", 1, self._calc_mean_variance, prerequisites)
@@ -176,7 +176,7 @@ class IntentionEstimator(LeafSystem):
         learner: Learner,
         *,
         confidence_gain: float | None = None,
-        heed_command: bool = True,
+        use_human_command: bool = True,
     ) -> None:
         """Makes ``learner`` the one of this Context.
 
@@ -184,9 +184,9 @@ class IntentionEstimator(LeafSystem):
             context: Of this system.
             learner: Any object with the learners' ``predict``.
             confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
-            heed_command: Whether the human's command may be evidence, for learners that take it.
+            use_human_command: Whether the human's command may be evidence, for learners that take it.
         """
-        prepared = _Prepared(learner, heed_command=heed_command)
+        prepared = _Prepared(learner, use_human_command=use_human_command)
         context.get_mutable_abstract_parameter(self._learner_index).set_value(prepared)
         gain = learner.confidence_gain if confidence_gain is None else confidence_gain
         context.get_mutable_numeric_parameter(self._gain_index)[0] = gain
@@ -207,7 +207,7 @@ class IntentionEstimator(LeafSystem):
             output.set_value(_lost(now, prepared.grid, first))
             return
         times, positions = [now], [(x, y)]
-        pointed = self._pointed(context, x, y, yaw) if prepared.heeds_command else None
+        pointed = self._pointed(context, x, y, yaw) if prepared.uses_command else None
         if pointed is not None:
             times.append(
                 now + self._reach if prepared.clock is None else prepared.clock.advance(now, *pointed)
@@ -278,7 +278,7 @@ class IntentionEstimator(LeafSystem):
 class _Prepared:
     """A learner, with what depends on it alone."""
 
-    def __init__(self, learner: Learner, *, heed_command: bool = True) -> None:
+    def __init__(self, learner: Learner, *, use_human_command: bool = True) -> None:
         self.learner = learner
         self.grid = np.asarray(learner.grid)
         self.duration = float(self.grid[-1])
@@ -291,7 +291,7 @@ class _Prepared:
 
         self._predict_modes = getattr(learner, "predict_modes", None)
         self._predict_prefixes = getattr(learner, "predict_prefixes", None)
-        self.heeds_command = heed_command and learner.metadata.get("evidence") == "pose+command"
+        self.uses_command = use_human_command and learner.metadata.get("evidence") == "pose+command"
         moments = np.linspace(0, len(self.grid) - 1, _MOMENTS + 1).round().astype(int)[1:]
         # Where x and y of the moments are in the numbers of a whole grid.
         self.moments = (2 * moments[:, None] + [0, 1]).ravel()

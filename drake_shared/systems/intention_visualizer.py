@@ -10,8 +10,8 @@ from pydrake.geometry import Cylinder, Meshcat, Rgba
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, LeafSystem
 
-from drake_shared.scenario import Robot
-from drake_shared.systems.intention_estimator import NOTHING_YET, Intention
+from drake_shared.robots import DiffDrive
+from drake_shared.systems.intention_estimator import EMPTY_INTENTION, Intention
 
 HUMAN_COLOR = (0.95, 0.62, 0.07)
 AGENT_COLOR = (0.16, 0.50, 0.88)
@@ -62,14 +62,14 @@ class IntentionVisualizer(LeafSystem):
     """
 
     def __init__(
-        self, *, meshcat: Meshcat, robot: Robot, period: float = 0.1, prefix: str = "intention"
+        self, *, meshcat: Meshcat, robot: DiffDrive, period: float = 0.1, prefix: str = "intention"
     ) -> None:
         super().__init__()
         self._meshcat = meshcat
         self._robot = robot
         self._prefix = prefix
         self._pose_port = self.DeclareVectorInputPort("pose", 3)
-        self._intention_port = self.DeclareAbstractInputPort("intention", Value(NOTHING_YET))
+        self._intention_port = self.DeclareAbstractInputPort("intention", Value(EMPTY_INTENTION))
         self._weight_port = self.DeclareVectorInputPort("human_weight", 1)
         self._command_ports = {
             name: self.DeclareVectorInputPort(f"{name}_command", 2)

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, State
 
-from drake_shared.systems.intention_estimator import NOTHING_YET, Intention
+from drake_shared.systems.intention_estimator import EMPTY_INTENTION, Intention
 
 
 class LearnerFault(LeafSystem):
@@ -49,7 +49,7 @@ class LearnerFault(LeafSystem):
         super().__init__()
         self._steps = math.ceil(delay / period - 1e-6)
         self._nan, self._period = nan, period
-        self._intention_port = self.DeclareAbstractInputPort("intention", Value(NOTHING_YET))
+        self._intention_port = self.DeclareAbstractInputPort("intention", Value(EMPTY_INTENTION))
         self._confidence_port = self.DeclareVectorInputPort("confidence", 1)
         self._chance_port = self.DeclareVectorInputPort("chance", 1)
         self._past_index = self.DeclareAbstractState(Value(_Past()))
@@ -61,7 +61,7 @@ class LearnerFault(LeafSystem):
                 for port in (self._intention_port, self._confidence_port)
             }
         self.DeclareAbstractOutputPort(
-            "late_intention", lambda: Value(NOTHING_YET), self._calc_intention, prerequisites
+            "late_intention", lambda: Value(EMPTY_INTENTION), self._calc_intention, prerequisites
         )
         self.DeclareVectorOutputPort("late_confidence", 1, self._calc_confidence, prerequisites)
         if self._steps:
@@ -82,11 +82,11 @@ class LearnerFault(LeafSystem):
         for step, intention, confidence in reversed(past.said):
             if step <= due:
                 return intention, confidence
-        return NOTHING_YET, 0.0
+        return EMPTY_INTENTION, 0.0
 
     def _calc_intention(self, context: Context, output: Value) -> None:
         if self._is_nan(context):
-            output.set_value(NOTHING_YET)
+            output.set_value(EMPTY_INTENTION)
         else:
             now = self._arrived(context)[0] if self._steps else self._intention_port.Eval(context)
             output.set_value(now)

@@ -11,7 +11,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drake_shared.scenario import Robot
+from drake_shared.robots import DiffDrive
 
 STALE_AFTER = 0.15
 """Age, in [s], past which a sample says nothing about what the driver wants now."""
@@ -109,7 +109,7 @@ class MouseInput(LeafSystem):
     def __init__(
         self,
         *,
-        robot: Robot,
+        robot: DiffDrive,
         source: MouseSource,
         max_speed: float = 0.8,
         max_yaw_rate: float = 1.5,

@@ -9,7 +9,7 @@ from pydrake.geometry import FramePoseVector, GeometryFrame, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
-from drake_shared.obstacles import Obstacle, obstacle_geometry, position_at
+from drake_shared.scenario.obstacles import Obstacle, obstacle_geometry, position_at
 
 
 class MovingObstacles(LeafSystem):

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drake_shared.errors import InputError
+from drake_shared.common.errors import InputError
 
 
 class RecordedInput(LeafSystem):

@@ -11,11 +11,11 @@ from pydrake.common.value import Value
 from pydrake.geometry import GeometryId, QueryObject, Role, SignedDistanceToPoint
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from drake_shared.errors import InputError
-from drake_shared.obstacles import Obstacle
-from drake_shared.safety.barrier import safe_command
-from drake_shared.safety.drift import Way
-from drake_shared.scenario import Robot
+from drake_shared.arbitration.safety.barrier import safe_command
+from drake_shared.arbitration.safety.drift import Way
+from drake_shared.common.errors import InputError
+from drake_shared.robots import DiffDrive
+from drake_shared.scenario.obstacles import Obstacle
 
 _LEAST_CLEARANCE, _MOST_CLEARANCE = 0.001, 1.0
 
@@ -49,8 +49,8 @@ class SafetyFilter(LeafSystem):
 
     A command is safe if, after one period of it, braking both wheels as hard as they can still ends with the
     clearance to every obstacle kept: a control barrier function in discrete time, with full braking as the
-    backup. :func:`drake_shared.safety.barrier.safe_command` says how the nearest is found. It needs a plant
-    that ramps as :class:`DiffDrivePlant` does and takes a new command once a period.
+    backup. :func:`drake_shared.arbitration.safety.barrier.safe_command` says how the nearest is found. It
+    needs a plant that ramps as :class:`DiffDrivePlant` does and takes a new command once a period.
 
     Of obstacles that stand still it promises that none is touched, and the clearance kept, from wherever
     full braking does so. An obstacle that moves can come upon a robot at rest, so of these it promises less.
@@ -77,7 +77,7 @@ class SafetyFilter(LeafSystem):
     def __init__(
         self,
         *,
-        robot: Robot,
+        robot: DiffDrive,
         clearance: float = 0.05,
         period: float = 0.05,
         obstacles: Sequence[Obstacle] = (),

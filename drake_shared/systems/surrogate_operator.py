@@ -8,10 +8,11 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from drake_shared.behaviour import Behaviour
-from drake_shared.paths import Path
-from drake_shared.scenario import Robot, Route, Scenario, Start
-from drake_shared.steering import SteeringLaw
+from drake_shared.operators.behaviour import Behaviour
+from drake_shared.operators.steering import SteeringLaw
+from drake_shared.robots import DiffDrive
+from drake_shared.scenario import Route, Scenario, Start
+from drake_shared.scenario.paths import Path
 
 __all__ = ["Behaviour", "SurrogateOperator"]
 
@@ -56,7 +57,7 @@ class SurrogateOperator(LeafSystem):
 
     def __init__(self, *, scenario: Scenario) -> None:
         super().__init__()
-        self._robot: Robot = scenario.robot
+        self._robot: DiffDrive = scenario.robot
         self._fastest = scenario.robot.max_wheel_speed
         self._period = scenario.control_period
         self._start = scenario.start

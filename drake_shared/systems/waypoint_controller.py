@@ -8,8 +8,8 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from drake_shared.scenario import Robot
-from drake_shared.systems.intention_estimator import NOTHING_YET, Intention
+from drake_shared.robots import DiffDrive
+from drake_shared.systems.intention_estimator import EMPTY_INTENTION, Intention
 
 # Within this distance of the waypoint, in [m], the robot is there: directions to it mean nothing.
 _THERE = 0.01
@@ -44,7 +44,7 @@ class WaypointController(LeafSystem):
         turn_gain: Yaw rate per angle to a waypoint behind, in [1/s].
     """
 
-    def __init__(self, *, robot: Robot, look_ahead: float = 0.6, turn_gain: float = 2.0) -> None:
+    def __init__(self, *, robot: DiffDrive, look_ahead: float = 0.6, turn_gain: float = 2.0) -> None:
         super().__init__()
         if not (math.isfinite(look_ahead) and look_ahead > 0):
             raise ValueError(f"look_ahead must be positive and finite, got {look_ahead}")
@@ -52,7 +52,7 @@ class WaypointController(LeafSystem):
         self._look_ahead = look_ahead
         self._turn_gain = turn_gain
         self._pose_port = self.DeclareVectorInputPort("pose", 3)
-        self._intention_port = self.DeclareAbstractInputPort("intention", Value(NOTHING_YET))
+        self._intention_port = self.DeclareAbstractInputPort("intention", Value(EMPTY_INTENTION))
         self.DeclareVectorOutputPort(
             "autonomous_command",
             2,

@@ -16,8 +16,8 @@ import pytest
 from drake_shared.cockpit import Session, open_session
 from drake_shared.cockpit.latency import CHROMIUM_ARGUMENTS, find_chromium
 from drake_shared.scenario import Circle, Goal, Route, Scenario, Workspace
+from drake_shared.simulation.trial import Trial
 from drake_shared.systems.mouse_input import MouseInput, StickSettings
-from drake_shared.trial import Trial
 
 PATIENCE = 30.0
 

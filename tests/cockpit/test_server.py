@@ -8,11 +8,11 @@ import aiohttp
 import pytest
 from aiohttp import WSMsgType
 
+from drake_shared.cockpit.driver_lock import DriverLock
 from drake_shared.cockpit.meshcat_proxy import start_meshcat
 from drake_shared.cockpit.messages import MAX_BYTES
-from drake_shared.cockpit.seat import Seat
 from drake_shared.cockpit.server import CockpitServer
-from drake_shared.errors import InputError
+from drake_shared.common.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def meshcat():
 
 @pytest.fixture
 def server(meshcat):
-    with CockpitServer(meshcat_url=meshcat.web_url(), seat=Seat(), port=0) as server:
+    with CockpitServer(meshcat_url=meshcat.web_url(), seat=DriverLock(), port=0) as server:
         yield server
 
 
@@ -250,7 +250,7 @@ def test_a_driver_who_talks_nonsense_loses_the_seat(server, client):
 
 
 def test_a_silent_driver_loses_the_seat(meshcat, client):
-    seat = Seat(silent_after=0.2)
+    seat = DriverLock(silent_after=0.2)
     with CockpitServer(meshcat_url=meshcat.web_url(), seat=seat, port=0) as server:
 
         async def talk(http):
@@ -299,7 +299,7 @@ def test_a_late_page_is_told_how_things_stand_and_a_slow_one_the_newest(server, 
 
 
 def test_a_port_in_use_is_said_with_the_way_out(server, meshcat):
-    other = CockpitServer(meshcat_url=meshcat.web_url(), seat=Seat(), port=server.port)
+    other = CockpitServer(meshcat_url=meshcat.web_url(), seat=DriverLock(), port=server.port)
     with pytest.raises(InputError, match=rf"port {server.port} is in use .*--port"):
         other.start()
 
@@ -308,13 +308,13 @@ def test_a_port_in_use_is_said_with_the_way_out(server, meshcat):
     ("options", "message"), [({"port": 70000}, "--port"), ({"host": "203.0.113.7"}, "--host")]
 )
 def test_an_address_that_cannot_be_listened_on_is_said(meshcat, options, message):
-    server = CockpitServer(meshcat_url=meshcat.web_url(), seat=Seat(), **options)
+    server = CockpitServer(meshcat_url=meshcat.web_url(), seat=DriverLock(), **options)
     with pytest.raises(InputError, match=message):
         server.start()
 
 
 def test_the_end_is_told_to_pages_and_the_thread_ends(meshcat, client):
-    server = CockpitServer(meshcat_url=meshcat.web_url(), seat=Seat(), port=0)
+    server = CockpitServer(meshcat_url=meshcat.web_url(), seat=DriverLock(), port=0)
     server.start()
 
     async def talk(http):

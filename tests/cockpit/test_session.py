@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from drake_shared.cockpit import drive, open_session
+from drake_shared.cockpit.driver_lock import LET_GO, LOST
 from drake_shared.cockpit.messages import Move
-from drake_shared.cockpit.seat import LET_GO, LOST
-from drake_shared.errors import InputError
-from drake_shared.trial import read_log
+from drake_shared.common.errors import InputError
+from drake_shared.simulation.trial import read_log
 
 
 class Hand:
@@ -279,7 +279,7 @@ def test_an_operator_that_is_none_is_refused(short_floor):
 SURROGATE = """
 import sys
 from drake_shared.cockpit import drive
-from drake_shared.scenario import Goal, Route, Scenario, Workspace
+from drake_shared.scenario import (Goal, Route, Scenario, Workspace)
 scenario = Scenario(
     name="open_floor",
     goal=Goal(x=4.0, y=0.0),

@@ -3,9 +3,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from drake_shared.analysis.statistics import at_least, not_worse
 from drake_shared.experiments import arbitration_compared, setting
 from drake_shared.experiments.section import Size
-from drake_shared.experiments.statistics import at_least, not_worse
 
 TINY = Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=2, trials=1)
 

@@ -5,9 +5,9 @@ import pytest
 
 from drake_shared.experiments import faults_injected, setting
 from drake_shared.experiments.section import FULL, QUICK, Size
-from drake_shared.faults import Faults
 from drake_shared.learners.no_learner import NoLearner
-from drake_shared.trial import Trial, TrialSettings
+from drake_shared.simulation.faults import Faults
+from drake_shared.simulation.trial import Trial, TrialSettings
 
 TINY = Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=2, trials=1)
 

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drake_shared.errors import RunError
+from drake_shared.common.errors import RunError
 from drake_shared.experiments import generations, setting
 from drake_shared.experiments.section import Size
 

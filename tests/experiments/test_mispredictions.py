@@ -7,7 +7,7 @@ import pytest
 from drake_shared.experiments import mispredicted_cases, mispredictions, setting
 from drake_shared.experiments.section import Size
 from drake_shared.scenario import check_scenario, clearance_scorer, load_scenario
-from drake_shared.trial import Trial
+from drake_shared.simulation.trial import Trial
 
 TINY = Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=2, trials=1)
 

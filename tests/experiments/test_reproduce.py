@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from drake_shared.engine import Task
-from drake_shared.errors import InputError, RunError
+from drake_shared.common.errors import InputError, RunError
 from drake_shared.experiments import reproduce as whole
 from drake_shared.experiments.section import QUICK, Experiment, Section
+from drake_shared.simulation.runner import Task
 
 
 def told(_scenario, _size, results) -> Section:

@@ -3,7 +3,7 @@ import dataclasses
 import pytest
 
 from drake_shared.experiments import sensitivity, setting
-from drake_shared.experiments.matched import by_learner
+from drake_shared.experiments.paired_trials import by_learner
 from drake_shared.experiments.section import Size
 
 TINY = Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=2, trials=1)

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 
 from drake_shared.experiments import setting, where_help_hurts
-from drake_shared.experiments.matched import by_learner, groups, settings, taught
+from drake_shared.experiments.paired_trials import by_learner, groups, settings, taught
 from drake_shared.experiments.section import FULL, QUICK
 
 GRID = {"skills": [0.2, 1.0], "delay": [0.1], "noise": [0.0, 1.2]}

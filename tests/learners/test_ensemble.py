@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drake_shared.errors import InputError
+from drake_shared.common.errors import InputError
 from drake_shared.learners import PRESETS, load_learner, save_learner, train
-from drake_shared.learners.training import train_together
+from drake_shared.learners.cnmp.training import train_together
 
 QUICK = 60
 SHOWN = ([1.0], [[1.0, 0.7]])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from drake_shared.demonstrations import Demonstration, Demonstrations
-from drake_shared.errors import InputError
+from drake_shared.common.errors import InputError
+from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import load_learner, save_learner, train
-from drake_shared.learners.ways import find_ways
+from drake_shared.learners.route_clustering import find_ways
 
 T = np.linspace(0.0, 10.0, 101)
 

@@ -6,12 +6,12 @@ import textwrap
 import numpy as np
 import pytest
 
-from drake_shared.cli import main
-from drake_shared.demonstrations import Demonstration, Demonstrations, write_demonstrations
-from drake_shared.errors import InputError
+from drake_shared.cli.main import main
+from drake_shared.common.errors import InputError
+from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations, write_demonstrations
 from drake_shared.learners import find_learner, learner_names, load_learner
 from drake_shared.scenario import load_scenario
-from drake_shared.trial import Simulation, TrialSettings
+from drake_shared.simulation.trial import Simulation, TrialSettings
 
 # A learner that predicts the mean of its demonstrations, with their variance, whatever it is shown.
 OUTSIDE = """

@@ -7,7 +7,7 @@ import pytest
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
-from drake_shared.errors import InputError
+from drake_shared.common.errors import InputError
 from drake_shared.learners import load_learner, save_learner
 
 

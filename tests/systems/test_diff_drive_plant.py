@@ -8,15 +8,16 @@ from pydrake.geometry import Role, SceneGraph
 from pydrake.math import RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_shared.errors import InputError
-from drake_shared.obstacles import Box, Circle, ObstacleDistance, register_obstacles
-from drake_shared.scenario import Robot, Start
+from drake_shared.common.errors import InputError
+from drake_shared.robots import DiffDrive
+from drake_shared.scenario import Start
+from drake_shared.scenario.obstacles import Box, Circle, ObstacleDistance, register_obstacles
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 
-ROBOT = Robot()
+ROBOT = DiffDrive()
 FOOTPRINT = ROBOT.footprint_radius
 # Wheels that are where they are told to be at once.
-SUDDEN = Robot(max_speed=1e3, max_acceleration=1e12)
+SUDDEN = DiffDrive(max_speed=1e3, max_acceleration=1e12)
 TOUCHING = 2.1e-6
 
 
@@ -214,7 +215,7 @@ def test_passing_close_by_is_no_contact():
 def test_touching_in_the_middle_of_a_step_counts_although_the_robot_is_back_by_its_end():
     """Rolling on while it brakes, it would meet the wall 0.48 m ahead; then it reverses."""
     wall = Box(name="wall", x=FOOTPRINT + 0.2 + 0.1, y=0.0, length=0.2, width=4.0)
-    bench = Bench([wall], robot=Robot(max_acceleration=1.5), period=3.0)
+    bench = Bench([wall], robot=DiffDrive(max_acceleration=1.5), period=3.0)
     bench.context.SetDiscreteState(1, [12.0, 12.0])
     assert bench.step([-12.0, -12.0]).contact == 1
     assert 0 <= bench.clearance <= TOUCHING
@@ -243,7 +244,7 @@ def random_scene(rng: np.random.Generator) -> list:
     return obstacles
 
 
-def undisturbed(robot: Robot, pose, wheels, command, period: float) -> np.ndarray:
+def undisturbed(robot: DiffDrive, pose, wheels, command, period: float) -> np.ndarray:
     """Where the robot's centre would go in a step with nothing in its way, finely, by plain summation."""
     time = np.linspace(0, period, 20_001)
     change = robot.max_wheel_acceleration * time
@@ -266,7 +267,7 @@ def test_never_passes_into_an_obstacle_at_any_speed_or_step(seed):
     rng = np.random.default_rng(seed)
     obstacles = random_scene(rng)
     period = float(rng.choice([0.01, 0.05, 0.3, 3.0]))
-    robot = Robot(max_speed=97.5, max_acceleration=float(rng.choice([1.5, 30.0, 1e6])))
+    robot = DiffDrive(max_speed=97.5, max_acceleration=float(rng.choice([1.5, 30.0, 1e6])))
     bench = Bench(obstacles, robot=robot, period=period)
     for _ in range(12):
         while bench.at(*rng.uniform(-4, 4, 3)).clearance <= 0:
@@ -282,7 +283,7 @@ def test_never_passes_into_an_obstacle_at_any_speed_or_step(seed):
 def test_contact_is_told_if_and_only_if_there_is_something_in_the_way(seed):
     rng = np.random.default_rng(1000 + seed)
     obstacles = random_scene(rng)
-    robot = Robot(max_acceleration=float(rng.choice([1.5, 30.0])))
+    robot = DiffDrive(max_acceleration=float(rng.choice([1.5, 30.0])))
     period = float(rng.choice([0.05, 1.0, 3.0]))
     bench = Bench(obstacles, robot=robot, period=period)
     distance = ObstacleDistance(obstacles)
@@ -332,7 +333,7 @@ def test_the_robot_is_seen_where_it_is():
 def test_a_model_that_is_none_is_refused(tmp_path):
     (tmp_path / "tank.sdf").write_text("<sdf version='1.9'><nothing/></sdf>")
     with pytest.raises(InputError, match=r"tank\.sdf must be an SDF file with one model"):
-        Bench(robot=Robot(model=str(tmp_path / "tank.sdf")), looks=True)
+        Bench(robot=DiffDrive(model=str(tmp_path / "tank.sdf")), looks=True)
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, math.nan, math.inf])

@@ -8,17 +8,18 @@ import pytest
 from pydrake.geometry import SceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_shared.errors import InputError
-from drake_shared.files import models_directory
+from drake_shared.analysis.replay import write_replay
+from drake_shared.common.errors import InputError
+from drake_shared.common.files import models_directory
 from drake_shared.learners import load_learner
-from drake_shared.obstacles import Box, Circle, register_obstacles
-from drake_shared.replay import write_replay
-from drake_shared.scenario import Robot, Start, load_scenario
+from drake_shared.robots import DiffDrive
+from drake_shared.scenario import Start, load_scenario
+from drake_shared.scenario.obstacles import Box, Circle, register_obstacles
+from drake_shared.simulation.trial import Simulation, TrialSettings, read_log, write_log
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.dynamic_plant import DynamicPlant
-from drake_shared.trial import Simulation, TrialSettings, read_log, write_log
 
-ROBOT = Robot()
+ROBOT = DiffDrive()
 FOOTPRINT = ROBOT.footprint_radius
 PILLAR = Circle(name="pillar", x=1.0, y=0.0, radius=0.25)
 WALL = Box(name="wall", x=1.0, y=0.0, length=0.2, width=3.0)
@@ -94,7 +95,7 @@ def test_stays_within_2_cm_on_what_an_operator_commands(task):
 
 def test_wheels_that_are_told_too_much_slip():
     """What a tyre of friction 0.8 can pull is no more than 0.8 g; a kinematic robot knows no such thing."""
-    sudden = Robot(max_acceleration=1e6)
+    sudden = DiffDrive(max_acceleration=1e6)
     dut = DynamicPlant(robot=sudden)
     pose = drive(dut, context := dut.CreateDefaultContext(), np.full((2, 2), 12.0))[-1]
     assert 0 < pose[0] < 0.5 * 0.8 * 9.81 * 0.1**2
@@ -208,6 +209,6 @@ def test_an_sdf_file_without_its_wheels_is_refused(tmp_path, old, new, message):
     assert old in text
     (tmp_path / "robot.sdf").write_text(text.replace(old, new))
     with pytest.raises(InputError) as caught:
-        DynamicPlant(robot=Robot(model=str(tmp_path / "robot.sdf")))
+        DynamicPlant(robot=DiffDrive(model=str(tmp_path / "robot.sdf")))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)

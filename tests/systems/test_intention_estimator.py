@@ -8,9 +8,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from drake_shared.scenario import Robot
+from drake_shared.robots import DiffDrive
+from drake_shared.simulation.trial import Simulation, TrialSettings
 from drake_shared.systems.intention_estimator import IntentionEstimator
-from drake_shared.trial import Simulation, TrialSettings
 
 GRID = np.arange(0.0, 10.05, 0.1)
 # Straight on at 0.5 m/s.
@@ -239,7 +239,7 @@ def test_a_command_is_evidence_for_learners_that_heed_it():
 
 def test_a_command_points_to_where_it_leads():
     learner = Pointing()
-    robot = Robot()
+    robot = DiffDrive()
     wheels = robot.wheel_speeds(0.5, 1.0)
     Bench(learner, robot=robot, reach=0.8).at(1.0, 2.0, 0.3).told(*wheels).eval("intention")
     pointed = learner.shown[-1]

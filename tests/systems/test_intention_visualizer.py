@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from pydrake.common.value import Value
 
-from drake_shared.motion import motion
-from drake_shared.scenario import Robot
-from drake_shared.systems.intention_estimator import NOTHING_YET, Intention
+from drake_shared.robots import DiffDrive
+from drake_shared.robots.motion import motion
+from drake_shared.systems.intention_estimator import EMPTY_INTENTION, Intention
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
 
-ROBOT = Robot()
+ROBOT = DiffDrive()
 
 
 DOT = re.compile(r"intention/path/\d+")
@@ -53,7 +53,7 @@ class Bench:
     def draw(self, **values) -> FakeMeshcat:
         shown = {
             "pose": [0.0, 0.0, 0.0],
-            "intention": Value(NOTHING_YET),
+            "intention": Value(EMPTY_INTENTION),
             "human_weight": [1.0],
             "human_command": [0.0, 0.0],
             "autonomous_command": [0.0, 0.0],

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from drake_shared.scenario import Robot
+from drake_shared.robots import DiffDrive
 from drake_shared.systems.mouse_input import MouseInput, MouseSample, StickSettings
 
 PERIOD = 0.005
@@ -34,7 +34,7 @@ class Bench:
 
     def __init__(self, driver: FakeDriver, **options):
         self.driver = driver
-        self.robot = Robot()
+        self.robot = DiffDrive()
         self.dut = MouseInput(robot=self.robot, source=driver, clock=driver.clock, **options)
         self.context = self.dut.CreateDefaultContext()
 

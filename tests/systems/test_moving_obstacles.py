@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drake_shared.errors import InputError
-from drake_shared.obstacles import Circle, position_at
-from drake_shared.replay import write_replay
+from drake_shared.analysis.replay import write_replay
+from drake_shared.common.errors import InputError
 from drake_shared.scenario import check_scenario, scenario_from_dict
+from drake_shared.scenario.obstacles import Circle, position_at
+from drake_shared.simulation.trial import Simulation, TrialSettings, read_log, write_log
 from drake_shared.systems.recorded_input import RecordedInput
-from drake_shared.trial import Simulation, TrialSettings, read_log, write_log
 
 # Comes straight at a robot that stands at the origin: they meet after (2 - 0.2 - 0.267) / 0.5 s.
 PATH = [[0.0, 2.0, 0.0], [6.0, -1.0, 0.0]]

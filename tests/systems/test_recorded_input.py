@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from drake_shared.errors import InputError
+from drake_shared.common.errors import InputError
 from drake_shared.systems.recorded_input import RecordedInput
 
 ROWS = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])

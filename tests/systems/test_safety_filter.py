@@ -5,24 +5,24 @@ import math
 
 import numpy as np
 import pytest
+from drake_shared.safety import barrier
 from pydrake.common.value import Value
 from pydrake.geometry import QueryObject, SceneGraph
 from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_shared.errors import InputError
-from drake_shared.motion import motion, speeds_after
-from drake_shared.obstacles import Box, Circle, ObstacleDistance, register_obstacles
-from drake_shared.safety import barrier
-from drake_shared.safety.barrier import StoppingPaths, least_change
-from drake_shared.scenario import Robot
+from drake_shared.arbitration.safety.barrier import StoppingPaths, least_change
+from drake_shared.common.errors import InputError
+from drake_shared.robots import DiffDrive
+from drake_shared.robots.motion import motion, speeds_after
+from drake_shared.scenario.obstacles import Box, Circle, ObstacleDistance, register_obstacles
+from drake_shared.simulation.trial import Simulation, TrialSettings
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.moving_obstacles import AddMovingObstacles
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.safety_filter import SafetyFilter
-from drake_shared.trial import Simulation, TrialSettings
 
-ROBOT = Robot()
+ROBOT = DiffDrive()
 FOOTPRINT = ROBOT.footprint_radius
 FASTEST = ROBOT.max_wheel_speed
 CLEARANCE = 0.05
@@ -549,7 +549,7 @@ def straight_on(scenario, **options):
 
 
 def test_in_the_loop_the_change_is_logged_apart_from_the_blend(scenario):
-    from drake_shared.metrics import metrics
+    from drake_shared.analysis.metrics import metrics
 
     trial = straight_on(scenario, safety_clearance=0.1)
     assert list(trial.columns)[-2:] == ["safe_left", "safe_right"]
@@ -566,7 +566,7 @@ def test_in_the_loop_the_change_is_logged_apart_from_the_blend(scenario):
 
 
 def test_without_it_the_loop_is_what_it_was(scenario):
-    from drake_shared.metrics import metrics
+    from drake_shared.analysis.metrics import metrics
 
     trial = straight_on(scenario)
     assert trial["contact"].any()

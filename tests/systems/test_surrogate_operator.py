@@ -11,11 +11,11 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput
 
-from drake_shared.errors import InputError
-from drake_shared.metrics import metrics, sides_passed
+from drake_shared.analysis.metrics import metrics, sides_passed
+from drake_shared.common.errors import InputError
 from drake_shared.scenario import load_scenario
+from drake_shared.simulation.trial import Simulation, TrialSettings
 from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
-from drake_shared.trial import Simulation, TrialSettings
 
 CALM = Behaviour(noise=0.0)
 PERIOD = 0.05

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from pydrake.common.value import Value
 
-from drake_shared.motion import motion
-from drake_shared.scenario import Robot
-from drake_shared.systems.intention_estimator import NOTHING_YET, Intention
+from drake_shared.robots import DiffDrive
+from drake_shared.robots.motion import motion
+from drake_shared.systems.intention_estimator import EMPTY_INTENTION, Intention
 from drake_shared.systems.waypoint_controller import WaypointController
 
-ROBOT = Robot()
+ROBOT = DiffDrive()
 
 
 def going_to(x: float, y: float, *, time: float = 0.0) -> Intention:
@@ -90,7 +90,7 @@ def test_at_the_waypoint_it_stands_still():
 
 
 @pytest.mark.parametrize(
-    "intention", [NOTHING_YET, going_to(math.nan, 0.0), going_to(0.0, math.nan), going_to(math.inf, 0.0)]
+    "intention", [EMPTY_INTENTION, going_to(math.nan, 0.0), going_to(0.0, math.nan), going_to(math.inf, 0.0)]
 )
 def test_what_is_no_number_is_passed_on_as_none(intention):
     assert all(map(math.isnan, command([0, 0, 0], intention)))

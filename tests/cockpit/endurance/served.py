@@ -26,7 +26,7 @@ class Served:
     def __init__(self, logs: Path) -> None:
         self.logs = logs
         self._said = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed by stop)
-        command = [sys.executable, "-W", "error", "-m", "drake_shared.cli", "drive"]
+        command = [sys.executable, "-W", "error", "-m", "drake_shared.cli.main", "drive"]
         command += ["--port", "0", "--no-open", "--record", str(logs)]
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self._said, text=True)
         assert self._process.stdout is not None

@@ -1,0 +1,1 @@
+"""Figures from logs: metrics, evaluation of learners, counterfactuals, lineage, replay and statistics."""

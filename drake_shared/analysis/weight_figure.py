@@ -1,0 +1,70 @@
+"""Scores of demonstrations and how likely each is drawn, as a figure (Fig. 5 of Amirshirzad et al. 2022)."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drake_shared.common.errors import InputError
+from drake_shared.common.files import replacing
+from drake_shared.demonstrations.demonstrations import Demonstrations, sampling_weights
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def draw_weights(demonstrations: Demonstrations, path: str | os.PathLike[str]) -> None:
+    """Writes a PNG: the demonstrations as strong as they are likely, and the density over their scores.
+
+    Raises:
+        InputError: A demonstration has no score, or the file cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 3.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    draw_weights_on(left, right, demonstrations)
+    left.set(title="demonstrations")
+    right.set(title="sampling weights")
+    if len(demonstrations) <= 12:
+        left.legend(
+            fontsize="x-small", loc="upper left", bbox_to_anchor=(-0.05, -0.3), ncols=3, frameon=False
+        )
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=120)
+
+
+def draw_weights_on(left: Axes, right: Axes, demonstrations: Demonstrations, *, previous: int = 0) -> None:
+    """The same two drawings on axes that are there.
+
+    Args:
+        left: For the demonstrations, each labelled with its score and how often it is drawn.
+        right: For the density.
+        demonstrations: All with scores.
+        previous: So many of them, the first ones, are dashed.
+
+    Raises:
+        InputError: A demonstration has no score.
+    """
+    scores = demonstrations.scores
+    if scores is None:
+        raise InputError(demonstrations.source, "scores", "must be known for a figure of weights")
+    weights = sampling_weights(scores)
+    for index, (item, weight) in enumerate(zip(demonstrations, weights, strict=True)):
+        label = f"{index}: score {scores[index]:.3f}, drawn {100 * weight:.0f}%"
+        color, strength = f"C{index % 10}", min(0.2 + 0.8 * weight / weights.max(), 1.0)
+        style = "--" if index < previous else "-"
+        left.plot(*item.positions.T, style, color=color, alpha=strength, label=label)
+        right.plot([scores[index]] * 2, [0, weight], color=color, linewidth=4)
+    # The density itself, in the scale of the weights: it passes through the top of each bar.
+    best = int(np.argmax(scores))
+    reach = max(float(np.ptp(scores)), 0.05)
+    fine = np.linspace(scores.min() - 0.3 * reach, scores.max() + 0.3 * reach, 200)
+    width = max(2.0 * float(np.std(scores)), 0.05)
+    right.plot(fine, weights[best] * np.exp(-0.5 * ((fine - scores[best]) / width) ** 2), color="0.6")
+    left.set(xlabel="x, m", ylabel="y, m", aspect="equal")
+    right.set(xlabel="score", ylabel="probability of being drawn", ylim=(0, None))

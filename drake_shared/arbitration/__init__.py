@@ -1,0 +1,1 @@
+"""Who decides, as arithmetic: authority, and the safety filter."""

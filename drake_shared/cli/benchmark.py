@@ -1,0 +1,69 @@
+"""``drake-shared benchmark``: how fast it is, beside what a user would pick instead."""
+
+from __future__ import annotations
+
+import dataclasses
+import json as json_library
+from pathlib import Path
+
+from drake_shared.cli.common import print_json, say
+from drake_shared.common.errors import InputError
+from drake_shared.common.files import check_writable, replacing
+
+
+@dataclasses.dataclass(kw_only=True)
+class Benchmark:
+    """Measures predictions, trials, training, batches, growth and safety, each as ratios within one run."""
+
+    out: Path | None = None
+    """Folder for benchmark.json and benchmark.png; default: the findings are only printed."""
+    only: tuple[str, ...] = ()
+    """Which groups: predict, trial, training, batch, growth, safety; default: all."""
+    quick: bool = False
+    """A rough answer within a minute or two, in place of half an hour."""
+    repeats: int | None = None
+    """How often contenders take turns; default: 15, quick: 5."""
+    demos: Path | None = None
+    """Demonstrations to train on; default: a simulated operator makes some."""
+    test_demos: Path | None = None
+    """Demonstrations to test what was trained on them."""
+    json: bool = False
+    """Print everything as one JSON object."""
+
+    def run(self) -> None:
+        """Does it."""
+        from drake_shared.experiments.benchmark.groups import GROUPS, run_benchmark
+        from drake_shared.experiments.benchmark.test_tasks import Setting
+
+        unknown = [name for name in self.only if name not in GROUPS]
+        if unknown:
+            raise InputError("benchmark", "only", f"must be among {', '.join(GROUPS)}", repr(unknown[0]))
+        if self.repeats is not None and self.repeats < 1:
+            raise InputError("benchmark", "repeats", "must be at least 1", self.repeats)
+        if (self.demos is None) != (self.test_demos is None):
+            raise InputError("benchmark", "demos", "must be given together with --test-demos")
+        if self.out is not None:
+            check_writable(self.out)
+        setting = Setting(
+            quick=self.quick,
+            repeats=self.repeats or (5 if self.quick else 15),
+            demonstrations=self.demos,
+            test_demonstrations=self.test_demos,
+            say=say,
+        )
+        setting.read_training()
+        report = run_benchmark(setting, self.only or tuple(GROUPS))
+        if self.json:
+            print_json(report.to_json())
+        else:
+            from drake_shared.experiments.benchmark.text import describe
+
+            print("\n".join(describe(report)))
+        if self.out is not None:
+            from drake_shared.experiments.benchmark.figure import write_figure
+
+            with replacing(self.out / "benchmark.json") as temporary:
+                text = json_library.dumps(report.to_json(), indent=1, allow_nan=False)
+                temporary.write_text(text + "\n", encoding="utf-8")
+            write_figure(report, self.out / "benchmark.png")
+            say(f"wrote {self.out / 'benchmark.json'} and benchmark.png")

@@ -1,0 +1,63 @@
+"""What several subcommands share: which learner to take, and how results leave."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+from drake_shared.common.errors import InputError
+from drake_shared.common.files import models_directory
+from drake_shared.learners import Learner, load_learner
+from drake_shared.scenario import Scenario
+
+
+def say(message: str) -> None:
+    """Tells the person at the keyboard; standard output is for results alone."""
+    print(message, file=sys.stderr, flush=True)
+
+
+def choose_model(scenario: Scenario, model: Path | None, preset: str) -> Path:
+    """The file of the learner to take: the one given, or the one that ships for the scenario.
+
+    Raises:
+        InputError: None is given and none ships.
+    """
+    if model is not None:
+        return model
+    shipped = models_directory() / "learners" / f"{scenario.name}_{preset}.safetensors"
+    if not shipped.is_file():
+        raise InputError("--model", "", f"must be given: no learner ships for scenario {scenario.name!r}")
+    return shipped
+
+
+def open_learner(scenario: Scenario, model: Path | None, preset: str) -> tuple[Learner, Path]:
+    """Loads the learner to take, and says so if it was taught another scenario."""
+    path = choose_model(scenario, model, preset)
+    return load_learner_for(scenario.name, path), path
+
+
+def load_learner_for(scenario: str, path: Path) -> Learner:
+    """Loads a learner, and says so if it was taught another scenario than that of the name."""
+    learner = load_learner(path)
+    taught = learner.metadata.get("scenario")
+    if taught not in (None, scenario):
+        say(f"warning: {path} was taught scenario {taught!r}, not {scenario!r}")
+    return learner
+
+
+def print_json(value: Any) -> None:
+    """Writes one JSON object to standard output; what is no finite number becomes null."""
+    print(json.dumps(_plain(value), allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

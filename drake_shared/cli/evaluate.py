@@ -1,0 +1,116 @@
+"""``drake-shared evaluate``: how good a learner's predictions are, and how honest its confidence."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any, Literal
+
+from drake_shared.cli.common import open_learner, print_json, say
+from drake_shared.common.errors import InputError
+from drake_shared.common.files import check_target
+
+
+@dataclasses.dataclass(kw_only=True)
+class Evaluate:
+    """Judges a learner against demonstrations, and its confidence over trials of a simulated operator."""
+
+    model: Path | None = None
+    """Learner; default: the one that ships for the scenario and preset."""
+    preset: Literal["default", "paper"] = "default"
+    """Which of the shipped learners."""
+    scenario: str | None = None
+    """Scenario file, or the name of a shipped one."""
+    demos: tuple[Path, ...] = ()
+    """Demonstrations to judge it against; default: three fresh simulated drives of each route."""
+    noise: float = 0.0
+    """Standard deviation of the noise on the points shown, in m."""
+    trials: int = 30
+    """Shared trials over which the confidence is judged; 0 leaves it out."""
+    seed: int = 0
+    """Of the noise, the fresh drives and the trials."""
+    recalibrate: Path | None = None
+    """Write the learner here with its standard deviations scaled to fit the demonstrations."""
+    figure: Path | None = None
+    """Write a reliability diagram here (PNG)."""
+    json: bool = False
+    """Print everything as one JSON object."""
+
+    def run(self) -> None:
+        """Does it."""
+        from drake_shared.analysis.evaluation import draw_reliability, evaluate, predictions
+        from drake_shared.demonstrations.demonstrations import read_demonstrations
+        from drake_shared.scenario import load_scenario
+        from drake_shared.simulation.teaching import teach
+
+        scenario = load_scenario(self.scenario)
+        learner, path = open_learner(scenario, self.model, self.preset)
+        if self.trials < 0:
+            raise InputError("evaluate", "trials", "must not be negative", self.trials)
+        for file in (self.figure, self.recalibrate):
+            if file is not None:
+                check_target(file)
+        if self.demos:
+            demonstrations = read_demonstrations(self.demos, scenario=scenario.name)
+        else:
+            # Seeds far from those of the demonstrations that ship.
+            demonstrations = teach(scenario, count=3 * len(scenario.routes), seed=self.seed + 10_000)
+        found = predictions(learner, demonstrations, noise=self.noise, seed=self.seed)
+        result: dict[str, Any] = {"model": str(path), **evaluate(found)}
+        if self.trials:
+            result["confidence"] = self._judge(scenario, learner)
+        if self.figure is not None:
+            draw_reliability(result, self.figure)
+            say(f"wrote {self.figure}")
+        if self.recalibrate is not None:
+            from drake_shared.learners import calibrate, save_learner
+
+            scale = getattr(learner, "scaled", None)
+            if scale is None:
+                raise InputError(path, "learner", "must be of a kind that can be scaled", learner.name)
+            scaled = scale(result["scale"])
+            scaled.confidence_gain = calibrate(scaled, demonstrations)
+            save_learner(scaled, self.recalibrate)
+            say(f"wrote {self.recalibrate}: standard deviations times {result['scale']:.3f}")
+        if self.json:
+            print_json(result)
+        else:
+            _print(result)
+
+    def _judge(self, scenario, learner) -> dict[str, Any]:
+        from drake_shared.analysis.ambiguity import ambiguity, ranking, weights
+        from drake_shared.analysis.evaluation import calibration_of_confidence, judge_confidence, ways_of
+        from drake_shared.simulation.trial import Simulation, TrialSettings
+
+        simulation = Simulation(scenario, learner=learner)
+        ways = ways_of(scenario, learner)
+        parts, ambiguities = [], []
+        for index in range(self.trials):
+            route = scenario.routes[index % len(scenario.routes)]
+            if route.name not in ways:
+                continue
+            trial = simulation.run(TrialSettings(route=route.name, seed=self.seed + index))
+            parts.append(judge_confidence(learner, trial, ways[route.name]))
+            if len(learner.demonstrations) > 1:
+                ambiguities.append(ambiguity(trial, learner.grid, learner.demonstrations))
+        if not parts:
+            raise InputError("evaluate", "trials", "need a route of the scenario that was demonstrated")
+        judged = calibration_of_confidence(parts)
+        if ambiguities:
+            judged |= {**weights(ambiguities), "ambiguity_ranking": ranking(ambiguities)}
+        return judged
+
+
+def _print(result: dict[str, Any]) -> None:
+    names = ("nll", "ade", "fde", "crps", "coverage50", "coverage90", "coverage95", "scale")
+    for name in names:
+        print(f"  {name:28s} {result[name]:9.4g}")
+    for part in result["by_time_to_end"]:
+        measures = ", ".join(f"{name} {part[name]:.3g}" for name in ("nll", "ade", "crps", "coverage90"))
+        print(f"  {part['from']:.1f} to {part['to']:.1f} s to the end: {measures}")
+    if "confidence" in result:
+        judged = result["confidence"]
+        print("  over shared trials of a simulated operator:")
+        for name, value in judged.items():
+            if name != "bins":
+                print(f"  {name:28s} {value:9.4g}")

@@ -1,0 +1,70 @@
+"""``drake-shared fit-operator``: the simulated operator that drives most like the one in recorded trials."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from drake_shared.cli.common import print_json
+
+if TYPE_CHECKING:
+    from drake_shared.analysis.operator_fit import OperatorFit
+
+_UNITS = {"skill": "", "delay": "s", "noise": "rad/s", "noise_time": "s", "yielding": ""}
+
+
+@dataclasses.dataclass(kw_only=True)
+class FitOperator:
+    """Fits skill, delay, noise and yielding of a simulated operator to recorded drives, and says how well."""
+
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Logs of trials of one operator in one scenario, each with the route that was meant."""
+    json: bool = False
+    """Print everything as one JSON object."""
+
+    def run(self) -> None:
+        """Does it."""
+        from drake_shared.analysis.operator_fit import fit_operator, settings_of
+        from drake_shared.simulation.trial import read_log
+
+        trials = [read_log(log) for log in self.logs]
+        fit = fit_operator(trials, names=[str(log) for log in self.logs])
+        settings = settings_of(trials) if fit.simulated else {}
+        if self.json:
+            told = {"operator": _who(fit), **dataclasses.asdict(fit), "set": settings or None}
+            print_json(told)
+        else:
+            print_fit(fit, settings)
+
+
+def print_fit(fit: OperatorFit, settings: dict[str, Any]) -> None:
+    """Writes a fit as a table, for people.
+
+    Args:
+        fit: What was fitted.
+        settings: What simulated operators had set, as far as it is known.
+    """
+    trials = "1 trial" if fit.trials == 1 else f"{fit.trials} trials"
+    print(f"a model fitted to {trials} ({fit.steps} steps) of a {_who(fit)}: value and 95% interval")
+    for name, unit in _UNITS.items():
+        estimate = getattr(fit, name)
+        if estimate is None:
+            print(f"  {name:12s} cannot be said: nothing assisted")
+            continue
+        interval = "" if estimate.low is None else f"  [{estimate.low:.3g}, {estimate.high:.3g}]"
+        known = f"  set to {settings[name]:g}" if name in settings else ""
+        print(f"  {name:12s} {estimate.value:8.3g} {unit:5s}{interval}{known}")
+    print(f"  speed_factor {fit.speed_factor:8.3g}")
+    print(
+        f"it explains {fit.explained:.1%} of the variance of the commands, "
+        f"and {fit.explained_a_step_ahead:.1%} a step ahead"
+    )
+    if not fit.simulated:
+        print("a fit of a model to these drives; what it does elsewhere is that of a simulated operator")
+
+
+def _who(fit: OperatorFit) -> str:
+    return "simulated operator" if fit.simulated else "person"

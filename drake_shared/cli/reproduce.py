@@ -1,0 +1,68 @@
+"""``drake-shared reproduce``: the experiments of the paper and those around them, and their report."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+
+from drake_shared.cli.common import print_json, say
+from drake_shared.common.errors import InputError
+
+
+@dataclasses.dataclass(kw_only=True)
+class Reproduce:
+    """Does the paper's experiments, and those that it leaves out, with simulated operators, and reports."""
+
+    out: Path
+    """Folder for the report and for the results of every task; must be empty or new."""
+    quick: bool = False
+    """Few repeats: minutes in place of more than an hour, and intervals as wide as that makes them."""
+    scenario: str | None = None
+    """Scenario file, or the name of a shipped one."""
+    only: tuple[str, ...] = ()
+    """Names of experiments; default: all."""
+    workers: int | None = None
+    """Processes of this machine; the results do not depend on it. Default: one for each processor."""
+    cluster: str | None = None
+    """Address of a Dask scheduler (extra cluster), such as tcp://host:8786, to use in their place."""
+    resume: bool = False
+    """Go on with the run that is in the folder."""
+    force: bool = False
+    """Begin anew in place of what is in the folder."""
+    json: bool = False
+    """Print claims and verdicts as one JSON object."""
+
+    def run(self) -> None:
+        """Does it."""
+        from drake_shared.experiments.reproduce import reproduce
+        from drake_shared.experiments.section import FULL, QUICK
+
+        if self.cluster is not None and self.workers is not None:
+            raise InputError("reproduce", "workers", "must be left out with --cluster, which has its own")
+        sections = reproduce(
+            self.out,
+            size=QUICK if self.quick else FULL,
+            scenario=self.scenario,
+            only=self.only,
+            workers=(os.cpu_count() or 1) if self.workers is None else self.workers,
+            cluster=self.cluster,
+            resume=self.resume,
+            force=self.force,
+            say=say,
+        )
+        claims = [
+            {"section": section.title, **dataclasses.asdict(claim)}
+            for section in sections
+            for claim in section.claims
+        ]
+        if self.json:
+            print_json({"report": str(self.out / "report.html"), "claims": claims})
+            return
+        for section in sections:
+            for claim in section.claims:
+                found = claim.estimate
+                print(
+                    f"{claim.verdict:10s} {claim.text}: {found.mean:.3g} "
+                    f"[{found.low:.3g}, {found.high:.3g}] {claim.unit} (n = {found.count})"
+                )

@@ -1,0 +1,61 @@
+"""``drake-shared teach``: records demonstrations without assistance, and scores them."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from drake_shared.cli.common import say
+from drake_shared.common.errors import InputError
+from drake_shared.common.files import check_target
+from drake_shared.systems.surrogate_operator import Behaviour
+
+
+@dataclasses.dataclass(kw_only=True)
+class Teach:
+    """Records demonstrations without assistance and scores each by its clearance."""
+
+    out: Path
+    """Parquet file to write."""
+    scenario: str | None = None
+    """Scenario file, or the name of a shipped one."""
+    operator: Literal["mouse", "surrogate"] = "surrogate"
+    """Who drives: a person on the page, or a simulated operator along each route in turn."""
+    count: int | None = None
+    """How many; default: one for each route."""
+    seed: int = 0
+    """Of the first one's noise; each following one has the next."""
+    host: str = "127.0.0.1"
+    """Address that the page listens on, for the mouse."""
+    port: int = 8080
+    """Port that the page listens on; 0 takes any that is free."""
+    open: bool = True
+    """Open the page in this machine's browser."""
+    behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
+
+    def run(self) -> None:
+        """Does it."""
+        from drake_shared.demonstrations.demonstrations import write_demonstrations
+        from drake_shared.scenario import load_scenario
+        from drake_shared.simulation.teaching import teach
+
+        scenario = load_scenario(self.scenario)
+        if self.count is not None and self.count < 1:
+            raise InputError("teach", "count", "must be at least 1", self.count)
+        check_target(self.out)
+        if self.operator == "mouse":
+            from drake_shared.cockpit.teach import teach_by_mouse
+
+            demonstrations = teach_by_mouse(
+                scenario, count=self.count, host=self.host, port=self.port, open_browser=self.open
+            )
+        else:
+            demonstrations = teach(scenario, count=self.count, seed=self.seed, behaviour=self.behaviour)
+        write_demonstrations(self.out, demonstrations)
+        for index, item in enumerate(demonstrations):
+            route = item.provenance.get("route") or "free"
+            say(f"demonstration {index}: route {route}, clearance {item.score:.3f} m")
+        say(f"wrote {self.out}")

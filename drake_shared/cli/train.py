@@ -1,0 +1,125 @@
+"""``drake-shared train``: a learner from demonstrations and logs, by Alg. 1 of the paper."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Literal
+
+from drake_shared.analysis.weight_figure import draw_weights
+from drake_shared.cli.common import print_json, say
+from drake_shared.common.files import check_target
+from drake_shared.demonstrations.demonstrations import (
+    Demonstrations,
+    load_scorer,
+    read_demonstrations,
+    score_demonstrations,
+)
+
+
+@dataclasses.dataclass(kw_only=True)
+class Train:
+    """Trains a learner on demonstrations and logs (logs that reached the goal without contact)."""
+
+    demos: tuple[Path, ...]
+    """Parquet files of demonstrations, or logs of trials."""
+    out: Path
+    """Safetensors file to write."""
+    scenario: str | None = None
+    """Scenario file, or the name of a shipped one; scores by clearance need its obstacles."""
+    learner: str = "cnmp"
+    """"cnmp", "mixture" (tells ways apart), "cesn" (an echo state network, trained in seconds), "promp"
+    (extra baselines), or one that others register."""
+    preset: Literal["default", "paper"] = "default"
+    """What works best, or the paper to the letter."""
+    score: str | None = None
+    """How demonstrations are scored: "clearance", a column of the files, or "module:function" of the
+    positions (n, 2). Default: the scores in the files; where there are none, all count alike."""
+    unweighted: bool = False
+    """Draw all demonstrations alike, whatever their scores."""
+    seed: int = 0
+    """Of the first weights and of everything drawn."""
+    members: int = 1
+    """More than one trains an ensemble of a "cnmp", whose disagreement widens the prediction."""
+    seconds: float | None = None
+    """Plans the iterations for this time and stops by then."""
+    iterations: int | None = None
+    """In place of the preset's; the same number gives the same learner."""
+    show_weights: Path | None = None
+    """Write a figure of scores and sampling weights here (PNG), as in the paper's Fig. 5."""
+    json: bool = False
+    """Print the training record as one JSON object."""
+
+    def run(self) -> None:
+        """Does it."""
+        from tqdm import tqdm
+
+        demonstrations = self._read()
+        check_target(self.out)
+        from drake_shared.learners import find_learner, save_learner, train
+
+        find_learner(self.learner, source="--learner")
+        if self.show_weights is not None:
+            check_target(self.show_weights)
+            draw_weights(demonstrations, self.show_weights)
+            say(f"wrote {self.show_weights}")
+
+        with tqdm(unit="it", desc="training", disable=None) as bar:
+
+            def progress(done: int, planned: int, loss: float) -> None:
+                bar.total = planned
+                bar.set_postfix_str(f"loss {loss:.3f}", refresh=False)
+                bar.update(done - bar.n)
+
+            learner = train(
+                demonstrations,
+                learner=self.learner,
+                members=self.members,
+                preset=self.preset,
+                weighted=not self.unweighted,
+                seed=self.seed,
+                seconds=self.seconds,
+                iterations=self.iterations,
+                progress=progress,
+            )
+        save_learner(learner, self.out)
+        record = learner.metadata.get("training", {})
+        took = "" if "seconds" not in record else f" in {record['seconds']:.1f} s"
+        say(
+            f"wrote {self.out}: {learner.name}, {len(demonstrations)} demonstrations{took}, "
+            f"K = {learner.confidence_gain:.4g} per m^2"
+        )
+        if self.json:
+            print_json(
+                {
+                    "model": str(self.out),
+                    "learner": learner.name,
+                    "preset": learner.preset,
+                    "confidence_gain": learner.confidence_gain,
+                    "training": record,
+                }
+            )
+
+    def _read(self) -> Demonstrations:
+        column = None
+        if self.score is not None and self.score != "clearance" and ":" not in self.score:
+            column = self.score
+        expected = None
+        if self.scenario is not None:
+            from drake_shared.scenario import load_scenario
+
+            expected = load_scenario(self.scenario).name
+        demonstrations = read_demonstrations(self.demos, scenario=expected, score_column=column)
+        if self.score == "clearance" or (self.score is None and self._half_scored(demonstrations)):
+            from drake_shared.scenario import clearance_scorer, load_scenario
+
+            scenario = load_scenario(self.scenario or demonstrations.scenario)
+            return score_demonstrations(demonstrations, clearance_scorer(scenario))
+        if self.score is not None and ":" in self.score:
+            return score_demonstrations(demonstrations, load_scorer(self.score))
+        return demonstrations
+
+    @staticmethod
+    def _half_scored(demonstrations: Demonstrations) -> bool:
+        """Whether some have scores and others, logs, say, not: then all are scored alike."""
+        return demonstrations.scores is None and demonstrations.scenario is not None

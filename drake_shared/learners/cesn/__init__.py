@@ -1,0 +1,1 @@
+"""The context-based echo state network (CESN): reservoir, training, and prediction in numpy."""

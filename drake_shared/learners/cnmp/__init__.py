@@ -1,0 +1,1 @@
+"""The conditional neural movement primitive (CNMP): network, training, and prediction in numpy."""

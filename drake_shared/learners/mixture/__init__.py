@@ -1,0 +1,1 @@
+"""A mixture of experts: one CNMP for each route that was demonstrated."""

@@ -1,0 +1,1 @@
+"""Simulated operators as arithmetic: parameters, steering, and the named ones."""

@@ -1,0 +1,149 @@
+"""The simulated operators by name, each with its model and source.
+
+What they do is never evidence about people.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from drake_shared.common.errors import InputError
+from drake_shared.operators.behaviour import Behaviour
+from drake_shared.scenario import Route, Scenario
+
+# Share of the travel time: half-way to the edge of the goal, and soon enough to come round what is next.
+_SWITCH = 0.45
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class NamedOperator:
+    """A simulated operator with a name.
+
+    Attributes:
+        behaviour: How the operator drives.
+        model: What the operator does, in a line.
+        source: Where the model or its numbers come from.
+        switches: Whether the operator changes to another route half-way.
+    """
+
+    behaviour: Behaviour
+    model: str
+    source: str
+    switches: bool = False
+
+    def behaviour_in(self, scenario: Scenario) -> Behaviour:
+        """The behaviour, with the time of the change that suits ``scenario``."""
+        if not self.switches:
+            return self.behaviour
+        return dataclasses.replace(self.behaviour, switch_time=_SWITCH * scenario.travel_time)
+
+
+OPERATORS: Mapping[str, NamedOperator] = MappingProxyType(
+    {
+        "primary": NamedOperator(
+            behaviour=Behaviour(),
+            model="steers along a smooth route by what was seen 0.2 s ago, with a little coloured noise",
+            source="smooth start and end: Flash and Hogan 1985; delay: Saunders and Knill 2005",
+        ),
+        "noisy": NamedOperator(
+            behaviour=Behaviour(random_share=0.3),
+            model="gives a random command with probability 0.3 in each step",
+            source="noisy pilot of Reddy, Dragan and Levine 2018 (0.15), Yoneda et al. 2023 (0.3 to 0.6)",
+        ),
+        "laggy": NamedOperator(
+            behaviour=Behaviour(lag=0.7),
+            model="repeats the last command with probability 0.7 in each step",
+            source="laggy pilot of Reddy, Dragan and Levine 2018 (0.8), Yoneda et al. 2023 (0.85); "
+            "less here, where more seldom reaches the goal alone",
+        ),
+        "delayed": NamedOperator(
+            behaviour=Behaviour(delay=0.4),
+            model="answers what was seen 0.4 s ago",
+            source="twice the upper end of the visual-motor delay of Saunders and Knill 2005",
+        ),
+        "signal-noise": NamedOperator(
+            behaviour=Behaviour(signal_noise=0.1),
+            model="noise with a standard deviation that grows with the command, 10% of it",
+            source="signal-dependent noise of Harris and Wolpert 1998; the share is ours",
+        ),
+        "late-slow": NamedOperator(
+            behaviour=Behaviour(late_start=1.0, speed_factor=0.9),
+            model="begins 1 s late and drives 10% slower",
+            source="ours: who hesitates lets the agent, which goes by time, run ahead",
+        ),
+        "switching": NamedOperator(
+            behaviour=Behaviour(),
+            model="changes to another route half-way, at 45% of the travel time",
+            source="ours: the misprediction that none of the published systems is tested with",
+            switches=True,
+        ),
+        "stubborn": NamedOperator(
+            behaviour=Behaviour(stubbornness=0.5),
+            model="adds half of the difference between the own wish and what assistance made of it",
+            source="ours, linear; people do answer assistance: arXiv 2410.00181",
+        ),
+        "yielding": NamedOperator(
+            behaviour=Behaviour(yielding=0.7),
+            model="lets go as assistance takes over, up to 70% of the command",
+            source="ours, linear; people do answer assistance: arXiv 2410.00181",
+        ),
+        "resting": NamedOperator(
+            behaviour=Behaviour(pause_time=4.0, pause=2.0),
+            model="gives nothing from 4 s to 6 s, and then does what was planned",
+            source="ours: hands off, as in the intervention share of arXiv 2204.07026",
+        ),
+        "unskilled": NamedOperator(
+            behaviour=Behaviour(noise=0.75),
+            model="coloured noise of 0.75 rad/s on each wheel",
+            source="ours: enough to fail alone now and then",
+        ),
+    }
+)
+"""By name."""
+
+
+def named_operator(name: str) -> NamedOperator:
+    """The operator of that name.
+
+    Raises:
+        InputError: There is none.
+    """
+    if name not in OPERATORS:
+        raise InputError("operator", "", f"must be one of {', '.join(OPERATORS)}", repr(name))
+    return OPERATORS[name]
+
+
+def changes_of_route(scenario: Scenario) -> list[tuple[Route, Route]]:
+    """Each route that can be left half-way for another, with the next one that can still be driven.
+
+    A route can still be driven if it passes what lies behind half-way on the same side; one that passes
+    everything alike is no change.
+
+    Raises:
+        InputError: No route can be left.
+    """
+    changes = []
+    for index, route in enumerate(scenario.routes):
+        path = route.path(scenario.start)
+        whole = (0.0, path.length)
+        behind = [
+            item.name
+            for item in scenario.static_obstacles
+            if path.nearest(item.x, item.y, between=whole) < 0.5 * path.length
+        ]
+        others = scenario.routes[index + 1 :] + scenario.routes[:index]
+        possible = (
+            other
+            for other in others
+            if other.sides != route.sides and all(other.sides[name] == route.sides[name] for name in behind)
+        )
+        then = next(possible, None)
+        if then is not None:
+            changes.append((route, then))
+    if not changes:
+        raise InputError(
+            f"scenario {scenario.name}", "routes", "must hold one that can be left half-way for another"
+        )
+    return changes

@@ -1,0 +1,121 @@
+"""Exact motion of a differential-drive robot whose wheels ramp to the speeds they are told."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from drake_shared.robots import DiffDrive
+
+# Largest turn of one piece of motion, in [rad]: the chord of a piece stays close to its arc, and three nodes
+# integrate it to 1e-12 of its length.
+_LARGEST_TURN = 0.1
+_nodes, _weights = np.polynomial.legendre.leggauss(3)
+# Pairs of node and weight, moved from [-1, 1] to [0, 1].
+_QUADRATURE: list[tuple[float, float]] = list(
+    zip((0.5 * (_nodes + 1)).tolist(), (0.5 * _weights).tolist(), strict=True)
+)
+
+Pose = tuple[float, float, float]
+Wheels = tuple[float, float]
+
+
+def ramps(
+    robot: DiffDrive, wheels: Wheels, command: Wheels, duration: float
+) -> list[tuple[float, Wheels, Wheels]]:
+    """Cuts a step into parts of constant wheel acceleration.
+
+    Each wheel goes from its speed towards the command as fast as it may and then holds it.
+
+    Args:
+        wheels: Speeds now, (left, right), in [rad/s].
+        command: Speeds wanted, (left, right), in [rad/s], within the limits of the wheels.
+        duration: Of the step, in [s].
+
+    Returns:
+        Tuples (duration in [s], speeds at the start (left, right), accelerations (left, right)).
+    """
+    limit = robot.max_wheel_acceleration
+    left, right = wheels
+    left_wish, right_wish = command
+    left_time, right_time = abs(left_wish - left) / limit, abs(right_wish - right) / limit
+    left_rate, right_rate = math.copysign(limit, left_wish - left), math.copysign(limit, right_wish - right)
+    parts = []
+    begin = 0.0
+    for end in sorted((min(left_time, duration), min(right_time, duration), duration)):
+        if end > begin:
+            rates = (left_rate if begin < left_time else 0.0, right_rate if begin < right_time else 0.0)
+            parts.append((end - begin, (left, right), rates))
+            # What is reached is reached exactly: rounding must not leave a remainder to chase.
+            left = left_wish if end >= left_time else left + rates[0] * (end - begin)
+            right = right_wish if end >= right_time else right + rates[1] * (end - begin)
+            begin = end
+    return parts
+
+
+def speeds_after(robot: DiffDrive, wheels: Wheels, command: Wheels, duration: float) -> Wheels:
+    """Wheel speeds (left, right), in [rad/s], at the end of a step of ``duration`` s."""
+    change = robot.max_wheel_acceleration * duration
+    return _approached(wheels[0], command[0], change), _approached(wheels[1], command[1], change)
+
+
+def _approached(now: float, wish: float, change: float) -> float:
+    return wish if abs(wish - now) <= change else now + math.copysign(change, wish - now)
+
+
+def motion(robot: DiffDrive, pose: Pose, wheels: Wheels, command: Wheels, duration: float) -> list[Pose]:
+    """Poses along one step, each after a turn of at most 0.1 rad; the last is that at its end.
+
+    Positions are exact: an arc in closed form where the wheels hold their speeds, a Gauss-Legendre
+    quadrature to 1e-12 of the length where they ramp.
+
+    Args:
+        pose: x, y in [m] and yaw in [rad] at the start, world frame.
+        wheels: Speeds (left, right) at the start, in [rad/s].
+        command: Speeds wanted, (left, right), in [rad/s].
+        duration: Of the step, in [s].
+    """
+    x, y, yaw = pose
+    poses = []
+    for time, speed, acceleration, yaw_rate, yaw_acceleration in _one_way(robot, wheels, command, duration):
+        fastest = max(abs(yaw_rate), abs(yaw_rate + yaw_acceleration * time))
+        pieces = max(1, math.ceil(fastest * time / _LARGEST_TURN))
+        step = time / pieces
+        for _ in range(pieces):
+            if acceleration == 0.0 and yaw_acceleration == 0.0:
+                half = 0.5 * yaw_rate * step
+                chord = speed * step * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
+                x += chord * math.cos(yaw + half)
+                y += chord * math.sin(yaw + half)
+            else:
+                for node, weight in _QUADRATURE:
+                    at = node * step
+                    angle = yaw + (yaw_rate + 0.5 * yaw_acceleration * at) * at
+                    length = weight * step * (speed + acceleration * at)
+                    x += length * math.cos(angle)
+                    y += length * math.sin(angle)
+            yaw += (yaw_rate + 0.5 * yaw_acceleration * step) * step
+            speed += acceleration * step
+            yaw_rate += yaw_acceleration * step
+            poses.append((x, y, yaw))
+    return poses
+
+
+def _one_way(
+    robot: DiffDrive, wheels: Wheels, command: Wheels, duration: float
+) -> list[tuple[float, float, float, float, float]]:
+    """The parts of a step as (duration, speed, acceleration, yaw rate, yaw acceleration), in [s], [m], [rad].
+
+    A part ends where the robot turns back: one that went there and back would hide how far.
+    """
+    parts = []
+    for time, speeds, rates in ramps(robot, wheels, command, duration):
+        speed, yaw_rate = robot.twist(*speeds)
+        acceleration, yaw_acceleration = robot.twist(*rates)
+        if speed * acceleration < 0.0 and -speed / acceleration < time:
+            until = -speed / acceleration
+            parts.append((until, speed, acceleration, yaw_rate, yaw_acceleration))
+            time, speed, yaw_rate = time - until, 0.0, yaw_rate + yaw_acceleration * until
+        parts.append((time, speed, acceleration, yaw_rate, yaw_acceleration))
+    return parts

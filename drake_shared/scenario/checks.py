@@ -1,0 +1,161 @@
+"""Checks that a trial can be run in a scenario."""
+
+import dataclasses
+import itertools
+import math
+import os
+from typing import Any
+
+import numpy as np
+
+from drake_shared.common.errors import InputError
+from drake_shared.scenario.obstacles import ObstacleDistance, position_at
+from drake_shared.scenario.paths import passing_side
+from drake_shared.scenario.scenario import MOST_STEPS, PLANTS, Route, Scenario, clearance_scorer
+
+
+def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scenario") -> None:
+    """Makes sure that a trial can be run in ``scenario``.
+
+    Raises:
+        InputError: Something is not finite, not positive where it must be, outside the workspace, in an
+            obstacle with the footprint counted, or passes an obstacle on another side than it says.
+    """
+    _check_finite(scenario, "", source)
+    _check_sizes(scenario, source)
+    space = scenario.workspace
+    placed: list[tuple[str, Any]] = [("start", scenario.start), ("goal", scenario.goal)]
+    placed += [(f"obstacles: {item.name}", item) for item in scenario.static_obstacles]
+    for field, item in placed:
+        if not space.contains(item.x, item.y):
+            raise InputError(source, field, "must lie inside the workspace", f"({item.x}, {item.y})")
+    clearance = clearance_scorer(scenario)
+    for field, point in (("start", scenario.start), ("goal", scenario.goal)):
+        gap = clearance(np.array([[point.x, point.y]]))
+        if gap <= 0:
+            raise InputError(
+                source, field, "must leave the robot free of obstacles", f"{gap:.3f} m of clearance"
+            )
+    for item in scenario.obstacles:
+        if item.path:
+            _check_moving(scenario, item, source)
+    for route in scenario.routes:
+        _check_route(scenario, route, clearance, source)
+
+
+def _check_finite(item, field: str, source) -> None:
+    """Every number in the dataclass ``item`` is finite; yaml reads .nan and .inf without a word."""
+    for entry in dataclasses.fields(item):
+        name = f"{field}.{entry.name}" if field else entry.name
+        _check_value(getattr(item, entry.name), name, source)
+
+
+def _check_value(value, name: str, source) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InputError(source, name, "must be given, as a finite number", value)
+    if isinstance(value, list):
+        for index, each in enumerate(value):
+            _check_value(each, f"{name}[{index}]", source)
+    elif dataclasses.is_dataclass(value):
+        _check_finite(value, name, source)
+
+
+def _check_sizes(scenario: Scenario, source) -> None:
+    robot, space = scenario.robot, scenario.workspace
+    if not scenario.name:
+        raise InputError(source, "name", "must be given")
+    positive = {f"{name}": getattr(scenario, name) for name in ("duration", "control_period", "travel_time")}
+    positive |= {"goal.radius": scenario.goal.radius}
+    positive |= {
+        f"robot.{item.name}": getattr(robot, item.name)
+        for item in dataclasses.fields(robot)
+        if item.name != "model"
+    }
+    positive |= {
+        "workspace's width": space.x_max - space.x_min,
+        "workspace's height": space.y_max - space.y_min,
+    }
+    for index, obstacle in enumerate(scenario.obstacles):
+        positive |= {f"obstacles[{index}].{name}": value for name, value in obstacle.sizes().items()}
+    for name, value in positive.items():
+        if value <= 0:
+            raise InputError(source, name, "must be positive", value)
+    if scenario.plant not in PLANTS:
+        raise InputError(source, "plant", f"must be one of {', '.join(PLANTS)}", repr(scenario.plant))
+    steps = scenario.duration / scenario.control_period
+    if steps < 0.5 or abs(steps - round(steps)) > 1e-6:
+        raise InputError(source, "duration", "must be a whole number of control periods", scenario.duration)
+    if steps > MOST_STEPS:
+        raise InputError(
+            source, "control_period", f"must leave at most {MOST_STEPS} steps", scenario.control_period
+        )
+    if not robot.model_path().is_file():
+        raise InputError(
+            source, "robot.model", "must be an SDF file or one of models/robots", repr(robot.model)
+        )
+    if not scenario.routes:
+        raise InputError(source, "routes", "must name at least one route")
+    for field, names in (
+        ("obstacles", [item.name for item in scenario.obstacles]),
+        ("routes", [route.name for route in scenario.routes]),
+    ):
+        if not all(name.strip() for name in names):
+            raise InputError(source, field, "must all have a name")
+        if len(set(names)) != len(names):
+            raise InputError(source, field, "must have names that differ", ", ".join(names))
+
+
+def check_obstacle_path(obstacle, source) -> None:
+    """Checks the path of a moving obstacle.
+
+    Raises:
+        InputError: Its points are not finite, or its times do not increase.
+    """
+    field, path = f"obstacles: {obstacle.name}: path", obstacle.path
+    if any(len(point) != 3 or not all(map(math.isfinite, point)) for point in path):
+        raise InputError(source, field, "must be finite points [t, x, y]", path)
+    if any(a[0] >= b[0] for a, b in itertools.pairwise(path)):
+        raise InputError(source, field, "must go on in time", [point[0] for point in path])
+
+
+def _check_moving(scenario: Scenario, obstacle, source) -> None:
+    check_obstacle_path(obstacle, source)
+    field, start = f"obstacles: {obstacle.name}: path", scenario.start
+    at_first = position_at(obstacle, 0.0)
+    if math.dist(at_first, (obstacle.x, obstacle.y)) > 1e-6:
+        raise InputError(source, field, f"must be at the obstacle's x and y at time 0, not at {at_first}")
+    gap = float(ObstacleDistance([obstacle])(np.array([[start.x, start.y]]))[0])
+    if gap <= scenario.robot.footprint_radius:
+        left = f"{gap - scenario.robot.footprint_radius:.3f} m of clearance"
+        raise InputError(source, field, "must not start on the robot", left)
+
+
+def _check_route(scenario: Scenario, route: Route, clearance, source) -> None:
+    field = f"routes: {route.name}"
+    if len(route.waypoints) < 2 or any(len(point) != 2 for point in route.waypoints):
+        raise InputError(source, field, "must have at least two waypoints [x, y]", route.waypoints)
+    if any(math.dist(a, b) < 1e-6 for a, b in zip(route.waypoints, route.waypoints[1:], strict=False)):
+        raise InputError(source, field, "must not have a waypoint twice in a row")
+    ends = (("start", scenario.start, route.waypoints[0]), ("goal", scenario.goal, route.waypoints[-1]))
+    for name, place, waypoint in ends:
+        if math.dist((place.x, place.y), waypoint) > 1e-6:
+            raise InputError(source, field, f"must lead from start to goal; it misses the {name}", waypoint)
+    path = route.path(scenario.start)
+    positions = path.position(np.linspace(0, path.length, max(50, int(path.length / 0.02))))
+    outside = [point for point in positions if not scenario.workspace.contains(*point)]
+    if outside:
+        raise InputError(source, field, "must stay inside the workspace", np.round(outside[0], 3))
+    gap = clearance(positions)
+    if gap <= 0:
+        raise InputError(source, field, "must leave the robot free of obstacles", f"{gap:.3f} m of clearance")
+    names = {item.name for item in scenario.static_obstacles}
+    if set(route.sides) != names:
+        raise InputError(
+            source, f"{field}: sides", f"must name every obstacle that stands ({', '.join(sorted(names))})"
+        )
+    for item in scenario.static_obstacles:
+        side = passing_side(positions, (item.x, item.y))
+        if route.sides[item.name] != side:
+            raise InputError(
+                source, f"{field}: sides: {item.name}", f"must be {side}", repr(route.sides[item.name])
+            )

@@ -1,0 +1,1 @@
+"""The diagram, a trial in it, its log, and the runner for many tasks."""

@@ -1,0 +1,54 @@
+"""Demonstrations made by driving: a simulated operator drives each route alone."""
+
+from __future__ import annotations
+
+from drake_shared.common.errors import RunError
+from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations, provenance_of_trial
+from drake_shared.scenario import Scenario, clearance_scorer
+from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
+from drake_shared.systems.surrogate_operator import Behaviour
+
+
+def demonstration_of(trial: Trial, *, score: float) -> Demonstration:
+    """The way driven in a trial, as a demonstration with ``score``."""
+    return Demonstration(
+        times=trial["t"],
+        positions=trial.positions,
+        yaws=trial["yaw"],
+        score=score,
+        provenance=provenance_of_trial(trial.metadata, trial["human_weight"]),
+    )
+
+
+def teach(
+    scenario: Scenario,
+    *,
+    count: int | None = None,
+    seed: int = 0,
+    behaviour: Behaviour = Behaviour(),  # noqa: B008 (frozen)
+) -> Demonstrations:
+    """Demonstrations by the simulated operator, without assistance, scored by clearance.
+
+    Args:
+        scenario: The task; its routes are driven in turn.
+        count: How many; one for each route if None.
+        seed: Of the first; each following one has the next.
+        behaviour: Of the operator.
+
+    Raises:
+        RunError: The operator did not reach the goal, or touched an obstacle.
+    """
+    simulation = Simulation(scenario)
+    score = clearance_scorer(scenario)
+    driven = []
+    for index in range(len(scenario.routes) if count is None else count):
+        route = scenario.routes[index % len(scenario.routes)].name
+        trial = simulation.run(
+            TrialSettings(mode="human", route=route, seed=seed + index, behaviour=behaviour, end="duration")
+        )
+        if trial.status != "reached" or trial["contact"].any():
+            raise RunError(f"the operator failed on route {route} (seed {seed + index}): {trial.status}")
+        driven.append(demonstration_of(trial, score=score(trial.positions)))
+    return Demonstrations(
+        items=tuple(driven), metadata={"scenario": scenario.name, "operator": "SurrogateOperator"}
+    )

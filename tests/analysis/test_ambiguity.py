@@ -1,0 +1,90 @@
+"""Where ways run together and where they have parted, on ways whose answer is plain."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drake_shared.analysis.ambiguity import Ambiguity, ambiguity, ranking
+from drake_shared.simulation.trial import Trial
+
+TIMES = np.arange(0.0, 10.05, 0.1)
+ALONG = 0.5 * TIMES
+# Both straight on for 2 m; then one goes on and the other turns off to the left.
+STRAIGHT = np.stack([ALONG, np.zeros_like(TIMES)], axis=-1)
+FORK = np.stack([ALONG, np.maximum(ALONG - 2.0, 0.0)], axis=-1)
+
+
+def driven(way: np.ndarray, weight: np.ndarray | None = None) -> Trial:
+    weight = np.zeros(len(way)) if weight is None else weight
+    columns = {"t": 0.05 * np.arange(len(way)), "x": way[:, 0], "y": way[:, 1], "human_weight": weight}
+    return Trial(columns=columns, metadata={})
+
+
+@pytest.mark.parametrize("own", [STRAIGHT, FORK])
+def test_ambiguous_before_the_fork_and_clear_after_it(own):
+    parts = ambiguity(driven(own), TIMES, np.stack([STRAIGHT, FORK]))
+    x = own[:-1, 0]
+    assert parts.ambiguous[x < 1.9].all()
+    assert not parts.ambiguous[x > 2.3].any()
+    assert not parts.clear[x < 2.2].any()
+    assert parts.clear[x > 2.5].all()
+
+
+def test_neither_where_the_ways_are_apart_by_a_little():
+    parts = ambiguity(driven(STRAIGHT), TIMES, np.stack([STRAIGHT, FORK]))
+    between = (ALONG[:-1] > 2.2) & (ALONG[:-1] < 2.28)
+    assert between.any()
+    assert not parts.ambiguous[between].any()
+    assert not parts.clear[between].any()
+
+
+def test_ways_that_stay_together_are_not_ambiguous():
+    parts = ambiguity(driven(STRAIGHT), TIMES, np.stack([STRAIGHT, STRAIGHT + np.array([0.0, 0.1])]))
+    assert not parts.ambiguous.any()
+    assert not parts.clear.any()
+
+
+def test_another_pace_on_the_same_way_is_no_parting():
+    slow = np.stack([np.minimum(ALONG**2 / 5.0, 5.0), np.zeros_like(TIMES)], axis=-1)
+    assert not ambiguity(driven(STRAIGHT), TIMES, np.stack([STRAIGHT, slow])).ambiguous.any()
+
+
+def test_the_robots_own_way_is_the_nearest_one():
+    wide = STRAIGHT + np.array([0.0, 1.0])
+    near_wide = wide + np.array([0.0, 0.1])
+    assert ambiguity(driven(near_wide), TIMES, np.stack([STRAIGHT, wide])).clear.all()
+
+
+def test_the_row_that_is_not_applied_is_left_out():
+    weight = np.linspace(1.0, 0.0, len(TIMES))
+    parts = ambiguity(driven(STRAIGHT, weight), TIMES, np.stack([STRAIGHT, FORK]))
+    np.testing.assert_array_equal(parts.human_weight, weight[:-1])
+    assert len(parts.ambiguous) == len(parts.clear) == len(weight) - 1
+
+
+def part(high, low) -> Ambiguity:
+    weight = np.array([*high, *low])
+    first = np.arange(len(weight)) < len(high)
+    return Ambiguity(ambiguous=first, clear=~first, human_weight=weight)
+
+
+@pytest.mark.parametrize(
+    ("high", "low", "area"),
+    [
+        ([0.9, 0.8], [0.1, 0.2, 0.3], 1.0),
+        ([0.1, 0.2], [0.9, 0.8], 0.0),
+        ([0.5, 0.5], [0.5, 0.5], 0.5),
+        ([0.9, 0.2], [0.1, 0.3], 0.75),
+    ],
+)
+def test_ranking_is_the_share_of_pairs_in_the_right_order(high, low, area):
+    assert ranking([part(high, low)]) == pytest.approx(area)
+
+
+def test_ranking_is_over_all_steps_of_all_trials():
+    assert ranking([part([0.9], [0.5]), part([0.4], [0.1])]) == pytest.approx(3 / 4)
+
+
+def test_without_steps_of_one_kind_nothing_can_be_ranked():
+    assert math.isnan(ranking([part([0.9], [])]))

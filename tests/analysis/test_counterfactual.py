@@ -1,0 +1,150 @@
+"""A recorded human input under another arbiter: the same bits under the same one, and honest under others."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from drake_shared.analysis.counterfactual import LEFT, play_open_loop
+from drake_shared.analysis.metrics import metrics
+from drake_shared.arbitration.authority import Authority
+from drake_shared.cli.main import main
+from drake_shared.common.errors import InputError
+from drake_shared.common.files import models_directory
+from drake_shared.simulation.trial import Simulation, Trial, TrialSettings, write_log
+from drake_shared.systems.surrogate_operator import Behaviour
+
+SHIPPED = str(models_directory() / "learners" / "two_obstacles_default.safetensors")
+
+
+@pytest.fixture(scope="module")
+def learner(_two_obstacles, route_learner):
+    variance = np.linspace(0.2, 0.001, 151)[:, None]
+    return route_learner(_two_obstacles, "left_right", variance=variance)
+
+
+@pytest.fixture(scope="module")
+def recorded(_two_obstacles, learner) -> Trial:
+    """Shared with an agent that expects another route, under the blend."""
+    settings = TrialSettings(route="left_left", seed=3, behaviour=Behaviour(noise=0.5))
+    return Simulation(_two_obstacles, learner=learner).run(settings)
+
+
+def test_under_the_arbiter_that_was_there_the_trial_repeats_to_the_bit(recorded, learner):
+    played = play_open_loop(recorded, arbiter="blend", learner=learner)
+    assert played.left_at is None
+    for name in recorded.columns:
+        # The last row of a log was never applied, and its command is not played.
+        last = None if name in ("t", "x", "y", "yaw", "contact") else -1
+        np.testing.assert_array_equal(played.trial[name][:last], recorded[name][:last], err_msg=name)
+    assert played.until_left is played.trial
+    assert played.measures()["intent_success"] == metrics(recorded)["intent_success"]
+
+
+@pytest.mark.parametrize("authority", [False, Authority(floor=0.4)])
+def test_the_blend_leaves_to_the_human_what_it_left_then(scenario, learner, authority):
+    simulation = Simulation(scenario, learner=learner, authority=authority)
+    recorded = simulation.run(TrialSettings(route="left_right"))
+    played = play_open_loop(recorded, arbiter="blend", learner=learner)
+    assert played.trial.metadata["arbitration"] == recorded.metadata["arbitration"]
+    np.testing.assert_array_equal(played.trial.positions, recorded.positions)
+    asked = play_open_loop(recorded, arbiter="blend", learner=learner, authority=True)
+    assert asked.trial.metadata["arbitration"] != recorded.metadata["arbitration"]
+
+
+def test_under_another_it_says_when_the_recorded_way_was_left_and_measures_until_then(recorded, learner):
+    played = play_open_loop(recorded, arbiter="agent", learner=learner)
+    trial, part = played.trial, played.until_left
+    assert trial.metadata["open_loop"] is True
+    assert trial.metadata["left_recorded_pose_at"] == played.left_at
+    assert trial.metadata["recorded"]["arbitration"]["name"] == "blend"
+    rows = len(part["t"])
+    apart = np.hypot(*(trial.positions[:rows] - recorded.positions[:rows]).T)
+    assert np.all(apart[:-1] < LEFT)
+    assert apart[-1] >= LEFT
+    assert part["t"][-1] == played.left_at < trial["t"][-1]
+    measures = played.measures()
+    assert measures["path_length"] == metrics(part)["path_length"] < metrics(trial)["path_length"]
+    assert measures["mean_human_weight"] == 0.0
+    assert measures["success"] is measures["intent_success"] is measures["completion_time"] is None
+
+
+def test_begins_where_the_record_begins(recorded, learner):
+    moved = {**recorded.columns, "x": recorded["x"] + 0.4, "yaw": recorded["yaw"] + 0.2}
+    played = play_open_loop(
+        Trial(columns=moved, metadata=recorded.metadata), arbiter="human", learner=learner
+    )
+    assert played.trial["x"][0] == pytest.approx(0.4)
+    assert played.trial["yaw"][0] == pytest.approx(0.2)
+
+
+def test_ends_with_the_record(recorded, learner):
+    cut = Trial(columns={k: v[:41] for k, v in recorded.columns.items()}, metadata=recorded.metadata)
+    played = play_open_loop(cut, arbiter="halves", learner=learner)
+    assert played.trial["t"][-1] == pytest.approx(2.0)
+    assert played.trial.status == "record_ended"
+
+
+@pytest.mark.parametrize(
+    ("metadata", "said"),
+    [
+        ({"scenario": {"name": "x"}}, "the log's scenario"),
+        ({"arbitration": {"name": "blend"}}, "arbitration must be name and configuration"),
+        ({"look_ahead": -1.0}, "look_ahead must be positive and finite, got -1.0"),
+        ({"look_ahead": "far"}, "look_ahead must be positive and finite, got 'far'"),
+        ({"confidence_gain": float("nan")}, "confidence_gain must be positive"),
+    ],
+)
+def test_a_log_that_cannot_be_played_is_refused(recorded, learner, metadata, said):
+    broken = Trial(columns=recorded.columns, metadata={**recorded.metadata, **metadata})
+    with pytest.raises(InputError, match=said):
+        play_open_loop(broken, arbiter="blend", learner=learner)
+
+
+def told(page: str) -> dict:
+    return json.loads(re.search(r'<script type="application/json" id="trial">(.*?)</script>', page)[1])
+
+
+def test_replay_marks_picture_and_file_as_open_loop_and_prints_the_measures(human_trial, tmp_path, capsys):
+    log, out = tmp_path / "log.parquet", tmp_path / "played.html"
+    write_log(human_trial, log)
+    arguments = ["replay", str(log), "--arbitration", "agent", "--model", SHIPPED, "--out", str(out)]
+    assert main([*arguments, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["open_loop"] is True
+    assert result["metrics"]["success"] is None
+    page = out.read_text(encoding="utf-8")
+    note = re.search(r'<div id="note"[^>]*>(.*?)</div>', page)[1]
+    assert "Open loop" in note
+    assert f"{result['left_recorded_pose_at']:.2f} s" in note
+    assert told(page)["open_loop"] is True
+    assert told(page)["left_recorded_pose_at"] == result["left_recorded_pose_at"]
+    assert main(arguments) == 0
+    assert "path_length" in capsys.readouterr().out
+
+
+def test_a_plain_replay_is_not_marked(human_trial, tmp_path):
+    write_log(human_trial, tmp_path / "log.parquet")
+    assert main(["replay", str(tmp_path / "log.parquet"), "--out", str(tmp_path / "plain.html")]) == 0
+    page = (tmp_path / "plain.html").read_text(encoding="utf-8")
+    assert 'id="note"' not in page
+    assert "open_loop" not in told(page)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--arbitration", "blend"), "--model must be given"),
+        (
+            ("--arbitration", "coin", "--model", SHIPPED),
+            "must be one",
+        ),
+    ],
+)
+def test_what_cannot_be_played_is_status_2_and_leaves_nothing(human_trial, tmp_path, capsys, arguments, said):
+    write_log(human_trial, tmp_path / "log.parquet")
+    out = tmp_path / "played.html"
+    assert main(["replay", str(tmp_path / "log.parquet"), "--out", str(out), *arguments]) == 2
+    assert said in capsys.readouterr().err
+    assert not out.exists()

@@ -1,0 +1,285 @@
+"""Each measure by hand, on a trial of five rows made up for the purpose."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+from drake_shared.analysis.metrics import metrics, sides_passed, sparc, summarize
+from drake_shared.common.errors import InputError
+from drake_shared.simulation.diagram import LOG_COLUMNS
+from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
+
+PERIOD = 0.1
+
+
+@pytest.fixture
+def make(scenario):
+    """Makes a trial of some rows: what is not given is 0, and the robot at the goal at the end."""
+
+    def trial(status="reached", metadata=None, **given) -> Trial:
+        rows = max((len(values) for values in given.values()), default=5)
+        columns = {"t": PERIOD * np.arange(rows)}
+        columns |= {name: np.zeros(rows) for name in LOG_COLUMNS}
+        columns |= {"clearance": np.ones(rows), "contact": np.zeros(rows, dtype=bool)}
+        columns["x"] = np.linspace(0.0, 5.0, rows)
+        columns |= {name: np.asarray(values) for name, values in given.items()}
+        told = {"scenario": json.loads(json.dumps(dataclasses.asdict(scenario))), "status": status}
+        return Trial(columns=columns, metadata=told | {"mode": "shared", "route": None} | (metadata or {}))
+
+    return trial
+
+
+def test_human_effort_is_the_integral_of_the_norm_of_the_human_command(make):
+    trial = make(human_left=[3.0, 0.0, 6.0, 0.0, 99.0], human_right=[4.0, 0.0, 8.0, 1.0, 99.0])
+    assert metrics(trial)["human_effort"] == pytest.approx((5.0 + 0.0 + 10.0 + 1.0) * PERIOD)
+
+
+def test_mean_human_weight_leaves_out_the_row_that_is_not_applied(make):
+    measured = metrics(make(human_weight=[1.0, 0.5, 0.5, 0.0, 1.0]))
+    assert measured["mean_human_weight"] == pytest.approx(0.5)
+    assert measured["human_weight_variance"] == pytest.approx(0.125)
+
+
+def test_disagreement_sums_the_absolute_differences_of_both_wheels(make):
+    trial = make(
+        human_left=[1.0, 2.0, 3.0, 4.0, 99.0],
+        human_right=[3.0, 1.0, 1.0, 1.0, 99.0],
+        autonomous_left=[0.0, 4.0, 3.0, 4.0, 0.0],
+        autonomous_right=[1.0, 1.0, -1.0, 1.0, 0.0],
+    )
+    measured = metrics(trial)
+    assert measured["disagreement"] == pytest.approx((1 + 2) + 2 + 2 + 0)
+    assert measured["disagreement_rate"] == pytest.approx(7 / 4)
+
+
+def test_disagreement_without_an_agent_cannot_be_said(make):
+    nothing = np.full(5, math.nan)
+    measured = metrics(make(autonomous_left=nothing, autonomous_right=nothing))
+    assert math.isnan(measured["disagreement"])
+    assert math.isnan(measured["agreement"])
+    assert measured["agreement_share"] == 0.0
+
+
+def test_dissimilarity_is_the_mean_distance_of_the_human_command_from_the_shared_one(make):
+    trial = make(
+        human_left=[3.0, 0.0, 0.0, 0.0, 9.0],
+        shared_right=[4.0, 0.0, 0.0, 2.0, 9.0],
+    )
+    assert metrics(trial)["dissimilarity"] == pytest.approx((5.0 + 2.0) / 4)
+
+
+def test_agreement_is_the_mean_cosine_where_both_give_a_command(make):
+    trial = make(
+        human_left=[1.0, 2.0, 1.0, 0.0, 1.0],
+        human_right=[0.0, 2.0, 0.0, 0.0, 1.0],
+        autonomous_left=[0.0, 5.0, -3.0, 1.0, 1.0],
+        autonomous_right=[7.0, 5.0, 0.0, 1.0, 1.0],
+    )
+    measured = metrics(trial)
+    assert measured["agreement"] == pytest.approx((0.0 + 1.0 - 1.0) / 3)
+    assert measured["agreement_share"] == pytest.approx(3 / 4)
+
+
+def test_continuity_is_the_largest_change_in_one_step(make):
+    trial = make(
+        shared_left=[0.0, 1.0, 1.5, 1.5, 99.0],
+        shared_right=[0.0, 0.0, -2.5, -2.5, 99.0],
+        human_weight=[1.0, 0.9, 0.2, 0.3, 0.0],
+    )
+    measured = metrics(trial)
+    assert measured["command_continuity"] == pytest.approx(2.5)
+    assert measured["weight_continuity"] == pytest.approx(0.7)
+
+
+def test_intervention_and_saturation_are_shares_of_the_steps(make, scenario):
+    limit = scenario.robot.max_wheel_speed
+    measured = metrics(
+        make(human_left=[0.0, 0.0, 0.0, 2.0, 1.0], autonomous_right=[-limit, 0.0, limit, 0.0, limit])
+    )
+    assert measured["intervention_share"] == 0.25
+    assert measured["saturated_share"] == 0.5
+
+
+def test_path_length_is_the_sum_of_the_steps_and_the_last_counts(make):
+    trial = make(x=[0.0, 3.0, 3.0, 3.0, 3.0], y=[0.0, 4.0, 4.0, 5.0, 3.0], status="timed_out")
+    assert metrics(trial)["path_length"] == pytest.approx(5.0 + 1.0 + 2.0)
+
+
+def test_clearance_is_the_least_and_the_mean(make):
+    measured = metrics(make(clearance=[0.5, 0.3, 0.1, 0.6, 1.0]))
+    assert measured["clearance"] == pytest.approx(0.1)
+    assert measured["mean_clearance"] == pytest.approx(0.5)
+
+
+def test_without_obstacles_there_is_no_clearance(make):
+    measured = metrics(make(clearance=np.full(5, math.inf)))
+    assert measured["clearance"] is None
+    assert measured["mean_clearance"] is None
+
+
+@pytest.mark.parametrize(
+    ("status", "touched", "success", "collision", "timeout"),
+    [
+        ("reached", False, True, False, False),
+        ("reached", True, False, True, False),
+        ("timed_out", False, False, False, True),
+        ("timed_out", True, False, True, True),
+        ("stopped", False, False, False, False),
+    ],
+)
+def test_success_is_the_goal_without_contact(make, status, touched, success, collision, timeout):
+    measured = metrics(make(status=status, contact=np.array([False, False, touched, False, False])))
+    assert (measured["success"], measured["collision"], measured["timeout"]) == (success, collision, timeout)
+
+
+def test_a_contact_in_the_step_that_led_to_the_goal_is_one(make):
+    assert metrics(make(contact=np.array([False] * 4 + [True])))["collision"]
+
+
+def test_completion_time_runs_from_the_first_command_of_the_human_to_the_goal(make):
+    hands = [0.0, 0.0, 1.0, 0.0, 1.0]
+    assert metrics(make(human_left=hands))["completion_time"] == pytest.approx(0.2)
+    agent = make(human_left=hands, metadata={"mode": "agent"})
+    assert metrics(agent)["completion_time"] == pytest.approx(0.4)
+    assert metrics(make())["completion_time"] == pytest.approx(0.4)
+    assert math.isnan(metrics(make(status="timed_out", human_left=hands))["completion_time"])
+
+
+def test_completion_time_does_not_count_the_time_spent_at_the_goal(make):
+    trial = make(x=[0.0, 2.0, 4.81, 5.0, 5.0, 5.0], human_left=np.ones(6))
+    assert metrics(trial)["completion_time"] == pytest.approx(0.2)
+
+
+def test_completion_time_is_the_same_whether_the_trial_goes_on_or_not(human_trial, scenario):
+    longer = Simulation(scenario).run(TrialSettings(mode="human", route="left_right", seed=5, end="duration"))
+    assert metrics(longer)["completion_time"] == metrics(human_trial)["completion_time"]
+
+
+def way(*sides: str) -> dict[str, np.ndarray]:
+    """A way past both obstacles, on the sides told."""
+    y = [0.8 if side == "left" else -0.8 for side in sides]
+    return {"x": np.array([0.0, 1.4, 2.5, 3.6, 5.0]), "y": np.array([0.0, y[0], 0.0, y[1], 0.0])}
+
+
+@pytest.mark.parametrize(
+    "driven", [("left", "right"), ("right", "left"), ("left", "left"), ("right", "right")]
+)
+def test_sides_are_those_on_which_the_robot_passed(make, driven):
+    assert sides_passed(make(**way(*driven))) == {"first": driven[0], "second": driven[1]}
+
+
+@pytest.mark.parametrize(
+    ("driven", "meant", "success"),
+    [
+        (("left", "right"), "left_right", True),
+        (("left", "right"), "left_left", False),
+        (("right", "left"), "right_left", True),
+        (("left", "left"), "left_right", False),
+    ],
+)
+def test_intent_success_is_success_on_the_sides_of_the_route_that_was_meant(make, driven, meant, success):
+    trial = make(**way(*driven), metadata={"route": meant})
+    assert metrics(trial)["success"]
+    assert metrics(trial)["intent_success"] is success
+
+
+def test_who_changes_to_another_route_on_the_way_means_that_one(make):
+    trial = make(**way("left", "left"), metadata={"route": "left_right", "then": "left_left"})
+    assert metrics(trial)["intent_success"] is True
+
+
+def test_the_right_sides_without_the_goal_are_no_success(make):
+    trial = make(**way("left", "right"), metadata={"route": "left_right"}, status="timed_out")
+    assert metrics(trial)["intent_success"] is False
+
+
+def test_where_no_route_was_meant_intent_success_cannot_be_said(make):
+    assert metrics(make())["intent_success"] is None
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_the_shortest_of_logs_are_measured_without_a_warning(make, rows):
+    measured = metrics(make(status="stopped", x=np.zeros(rows)))
+    assert measured["path_length"] == 0.0
+    assert measured["human_effort"] == 0.0
+    assert not measured["success"]
+
+
+def test_all_measures_of_a_real_trial_are_plain_numbers(human_trial):
+    measured = metrics(human_trial)
+    assert all(value is None or isinstance(value, bool | int | float) for value in measured.values())
+    assert measured["intent_success"] is True
+    assert measured["mean_human_weight"] == 1.0
+    assert measured["dissimilarity"] == 0.0
+    assert measured["path_length"] == pytest.approx(5.9, abs=0.3)
+
+
+BELL = np.sin(np.linspace(0, np.pi, 101)) ** 2
+
+
+def test_sparc_does_not_depend_on_the_amplitude():
+    assert sparc(7.3 * BELL, 0.05) == pytest.approx(sparc(BELL, 0.05), rel=1e-9)
+
+
+def test_sparc_of_a_smooth_bell_is_nearer_to_0_than_of_a_jerky_one():
+    jerky = BELL * (1 + 0.5 * np.sin(np.linspace(0, 16 * np.pi, 101)))
+    two_bells = np.concatenate([BELL, np.zeros(20), BELL])
+    assert sparc(jerky, 0.05) < sparc(BELL, 0.05) - 0.2
+    assert sparc(two_bells, 0.05) < sparc(BELL, 0.05) - 0.2
+    assert sparc(BELL, 0.05) < -1.0
+
+
+def test_sparc_does_not_depend_on_how_long_the_same_movement_takes():
+    assert sparc(BELL, 0.1) == pytest.approx(sparc(BELL, 0.02), rel=1e-9)
+
+
+def test_sparc_by_hand_is_the_arc_length_of_the_normalised_spectrum():
+    period, size = 0.05, 2 ** (math.ceil(math.log2(101)) + 4)
+    frequency = np.arange(size // 2 + 1) / (size * period)
+    spectrum = np.abs([np.sum(BELL * np.exp(-2j * np.pi * f * period * np.arange(101))) for f in frequency])
+    spectrum /= spectrum[0]
+    last = np.flatnonzero((spectrum >= 0.05) & (frequency <= 10.0))[-1] + 1
+    arc = np.hypot(np.diff(frequency[:last]) / frequency[last - 1], np.diff(spectrum[:last])).sum()
+    assert sparc(BELL, period) == pytest.approx(-arc, rel=1e-9)
+
+
+def test_sparc_of_what_stands_still_cannot_be_said():
+    assert math.isnan(sparc(np.zeros(50), 0.05))
+    assert math.isnan(sparc(np.ones(1), 0.05))
+
+
+def test_summary_of_a_measure_is_its_mean_with_students_interval():
+    summary = summarize([{"path_length": value} for value in (1.0, 2.0, 3.0, 6.0)])["path_length"]
+    # t(0.975; 3) = 3.182, s = 2.160.
+    assert summary["mean"] == 3.0
+    assert summary["high"] - 3.0 == pytest.approx(3.182 * 2.1602 / 2, abs=1e-3)
+    assert 3.0 - summary["low"] == pytest.approx(summary["high"] - 3.0)
+
+
+def test_summary_of_a_share_has_wilsons_interval():
+    summary = summarize([{"success": index < 9} for index in range(10)])["success"]
+    # Wilson 1927 for 9 of 10.
+    assert summary["mean"] == pytest.approx(0.9)
+    assert (summary["low"], summary["high"]) == pytest.approx((0.5958, 0.9821), abs=1e-4)
+
+
+def test_summary_of_a_share_of_all_is_not_certain():
+    summary = summarize([{"success": True}] * 10)["success"]
+    assert summary["mean"] == summary["high"] == 1.0
+    assert summary["low"] == pytest.approx(0.7225, abs=1e-4)
+
+
+def test_trials_that_say_nothing_do_not_count():
+    rows = [{"completion_time": 2.0}, {"completion_time": math.nan}, {"completion_time": 4.0}]
+    assert summarize(rows)["completion_time"]["mean"] == 3.0
+    assert summarize([{"intent_success": None}, {"intent_success": True}])["intent_success"]["mean"] == 1.0
+    assert summarize([{"clearance": None}])["clearance"] == {"mean": None, "low": None, "high": None}
+
+
+def test_one_trial_has_no_interval_and_none_no_summary():
+    assert summarize([{"path_length": 2.0}])["path_length"] == {"mean": 2.0, "low": None, "high": None}
+    with pytest.raises(InputError, match="trials must be at least one"):
+        summarize([])

@@ -1,0 +1,144 @@
+"""Fitting an operator: known simulated ones are found again, and what cannot be fitted is refused."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drake_shared.analysis.operator_fit import FITTED, fit_operator, settings_of
+from drake_shared.common.errors import InputError
+from drake_shared.learners import load_learner
+from drake_shared.operators.behaviour import Behaviour
+from drake_shared.scenario import load_scenario
+from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
+
+COUNT = 10
+MODEL = Path(__file__).parents[2] / "models" / "learners" / "two_obstacles_default.safetensors"
+
+
+@pytest.fixture(scope="module")
+def simulation() -> Simulation:
+    return Simulation(load_scenario("two_obstacles"), learner=load_learner(MODEL))
+
+
+def drives(simulation: Simulation, *, mode: str = "human", count: int = COUNT, seed: int = 0, **behaviour):
+    routes = [route.name for route in simulation.scenario.routes]
+    return [
+        simulation.run(
+            TrialSettings(
+                mode=mode,
+                seed=seed + index,
+                route=routes[index % len(routes)],
+                behaviour=Behaviour(**behaviour),
+            )
+        )
+        for index in range(count)
+    ]
+
+
+@pytest.fixture(scope="module")
+def plain(simulation) -> list[Trial]:
+    return drives(simulation)
+
+
+@pytest.mark.parametrize(
+    ("mode", "behaviour"),
+    [
+        ("human", {}),
+        ("human", {"skill": 0.6, "delay": 0.3}),
+        ("human", {"skill": 0.6, "delay": 0.1}),
+        ("human", {"skill": 0.6, "delay": 0.137, "noise": 0.3}),
+        ("shared", {"delay": 0.3}),
+        ("shared", {"skill": 0.6, "delay": 0.1, "yielding": 0.5}),
+    ],
+)
+def test_a_known_operator_is_found_again_from_ten_trials(simulation, mode, behaviour):
+    fit = fit_operator(drives(simulation, mode=mode, **behaviour))
+    true = Behaviour(**behaviour)
+    assert fit.skill.value == pytest.approx(true.skill, rel=0.1)
+    assert fit.delay.value == pytest.approx(true.delay, abs=0.02)
+    assert fit.noise.value == pytest.approx(true.noise, rel=0.15)
+    assert fit.noise_time.value == pytest.approx(true.noise_time, rel=0.35)
+    if mode == "shared":
+        assert fit.yielding.value == pytest.approx(true.yielding, abs=0.02)
+    else:
+        assert fit.yielding is None
+    assert fit.speed_factor == pytest.approx(1.0, abs=0.01)
+    assert 0.97 < fit.explained < fit.explained_a_step_ahead < 1.0
+    assert fit.skill.low < true.skill < fit.skill.high
+
+
+def test_the_interval_tells_how_many_trials_it_takes(simulation, plain):
+    # Much noise and a firm hand: what ten such trials hold bounds the error of skill at 7% (one standard
+    # deviation, Cramer and Rao), so that 10% needs more of them.
+    trials = drives(simulation, count=30, delay=0.1, noise=0.3)
+    few, many = fit_operator(trials[:10]).skill, fit_operator(trials).skill
+    assert few.low < 1.0 < few.high
+    assert many.value == pytest.approx(1.0, rel=0.1)
+    assert many.high - many.low < 0.75 * (few.high - few.low)
+    alone = fit_operator(plain[:1])
+    assert (alone.trials, alone.skill.low, alone.delay.high) == (1, None, None)
+
+
+def test_a_late_slow_operator_who_rests_is_found_again(simulation):
+    fit = fit_operator(
+        drives(simulation, late_start=1.0, speed_factor=0.9, pause_time=4.0, pause=1.0, skill=0.8)
+    )
+    assert fit.speed_factor == pytest.approx(0.9, abs=0.01)
+    assert fit.skill.value == pytest.approx(0.8, rel=0.1)
+    assert fit.delay.value == pytest.approx(0.2, abs=0.02)
+
+
+def test_goodness_of_fit_tells_an_operator_whom_the_model_does_not_know(simulation, plain):
+    known = fit_operator(plain)
+    unknown = fit_operator(drives(simulation, random_share=0.3, count=4))
+    assert known.explained > 0.99
+    assert unknown.explained < 0.7
+
+
+def test_what_was_set_is_told_where_all_had_the_same(simulation, plain):
+    assert settings_of(plain) == {name: getattr(Behaviour(), name) for name in FITTED}
+    other = drives(simulation, count=1, skill=0.5)
+    assert "skill" not in settings_of([*plain, *other])
+
+
+def told(trial: Trial, **metadata) -> Trial:
+    return dataclasses.replace(trial, metadata={**trial.metadata, **metadata})
+
+
+def test_a_person_is_no_simulated_operator(plain):
+    assert fit_operator(plain[:2]).simulated
+    assert not fit_operator([told(trial, operator="MouseInput") for trial in plain[:2]]).simulated
+
+
+@pytest.mark.parametrize(
+    ("metadata", "said"),
+    [
+        ({"mode": "agent"}, "second: mode must be shared or human: nobody steers, got 'agent'"),
+        ({"route": None}, "second: route must be given"),
+        ({"then": "left_left"}, "second: then must not be given"),
+        ({"operator": "RecordedInput"}, "second: operator must be one who answers what is seen"),
+        ({"operator": "MouseInput"}, "second: operator must be that of first"),
+        ({"preset": "paper"}, "second: preset must be that of first"),
+        ({"scenario": {"name": "other"}}, "second: scenario must be that of first"),
+    ],
+)
+def test_trials_that_do_not_belong_together_are_refused(plain, metadata, said):
+    with pytest.raises(InputError, match=said):
+        fit_operator([plain[0], told(plain[1], **metadata)], names=["first", "second"])
+
+
+def test_trials_without_motion_or_commands_or_rows_are_refused(simulation, plain):
+    still = {name: np.repeat(column[:1], len(column)) for name, column in plain[0].columns.items()}
+    still["t"] = plain[0]["t"]
+    with pytest.raises(InputError, match=r"trial 0 must hold motion of at least 0\.5 m"):
+        fit_operator([dataclasses.replace(plain[0], columns=still)])
+    hands_off = {**plain[0].columns, "human_left": 0 * plain[0]["t"], "human_right": 0 * plain[0]["t"]}
+    with pytest.raises(InputError, match="trial 0 must hold commands of the human"):
+        fit_operator([dataclasses.replace(plain[0], columns=hands_off)])
+    sparse = {name: column[::2] for name, column in plain[0].columns.items()}
+    with pytest.raises(InputError, match=r"trial 0: t must have a row each 0\.05 s"):
+        fit_operator([dataclasses.replace(plain[0], columns=sparse)])
+    with pytest.raises(InputError, match="fit: trials must be at least one"):
+        fit_operator([])

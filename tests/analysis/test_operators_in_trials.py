@@ -1,0 +1,76 @@
+"""Drivers who are late, fast, slow, pause or change their minds, with the learner that ships."""
+
+import numpy as np
+import pytest
+
+from drake_shared import Behaviour, Simulation, TrialSettings, load_learner, load_scenario, metrics
+from drake_shared.common.files import models_directory
+from drake_shared.learners import train
+from drake_shared.operators.named import changes_of_route
+from drake_shared.simulation.teaching import teach
+
+SCENARIO = "two_obstacles"
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load_scenario(SCENARIO)
+
+
+@pytest.fixture(scope="module")
+def simulation(scenario):
+    learner = load_learner(models_directory() / "learners" / f"{SCENARIO}_default.safetensors")
+    return Simulation(scenario, learner=learner)
+
+
+DRIVERS = {
+    "1.5 s late": {"late_start": 1.5},
+    "3 s late": {"late_start": 3.0},
+    "30% faster": {"speed_factor": 1.3},
+    "30% slower": {"speed_factor": 1 / 1.3},
+    "pausing for 2 s": {"pause_time": 4.0, "pause": 2.0},
+}
+
+
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_help_costs_a_driver_with_another_pace_nothing(simulation, scenario, driver):
+    outcomes = {}
+    for mode in ("human", "shared"):
+        rows = []
+        for seed, route in enumerate(scenario.routes):
+            behaviour = Behaviour(**DRIVERS[driver])
+            settings = TrialSettings(mode=mode, route=route.name, seed=seed, behaviour=behaviour)
+            rows.append(metrics(simulation.run(settings)))
+        outcomes[mode] = [(row["intent_success"], row["collision"]) for row in rows]
+    assert outcomes["shared"] == outcomes["human"]
+    assert sum(succeeded for succeeded, _ in outcomes["human"]) >= 2
+
+
+def test_a_driver_who_changes_the_route_has_the_control_within_a_second(simulation, scenario):
+    changed = 5.0
+    for seed, (route, then) in enumerate(changes_of_route(scenario)):
+        trial = simulation.run(
+            TrialSettings(
+                route=route.name, then=then.name, seed=seed, behaviour=Behaviour(switch_time=changed)
+            )
+        )
+        soon = (trial["t"] >= changed) & (trial["t"] <= changed + 1.0)
+        assert trial["human_weight"][soon].max() > 0.5
+        assert metrics(trial)["intent_success"]
+
+
+def test_an_agent_that_tells_ways_apart_never_drives_into_an_obstacle_at_a_fork(scenario):
+    """Its mean lies between two ways, in the obstacle; what it aims at does not."""
+    learner = train(teach(scenario), learner="mixture", iterations=800)
+    simulation = Simulation(scenario, learner=learner)
+    for seed in range(3):
+        trial = simulation.run(TrialSettings(mode="agent", seed=seed))
+        assert trial.status == "reached"
+        assert not trial["contact"].any()
+    start = np.array([[scenario.start.x, scenario.start.y]])
+    modes = learner.predict_modes([0.0], start, learner.grid[1:])[2]
+    demonstrations = learner.demonstrations
+    # Every route that is still possible is a mode, within 5 cm.
+    for path in demonstrations:
+        away = [np.linalg.norm(mode - path[1:], axis=1).max() for mode in modes.mean]
+        assert min(away) < 0.05

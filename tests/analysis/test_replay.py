@@ -1,0 +1,84 @@
+"""A trial as a page of its own."""
+
+import pytest
+
+from drake_shared.analysis.replay import write_replay
+from drake_shared.common.errors import InputError
+from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
+
+
+@pytest.fixture(scope="module")
+def page(human_trial, _two_obstacles, route_learner, tmp_path_factory) -> str:
+    path = tmp_path_factory.mktemp("replay") / "deep" / "trial.html"
+    write_replay(human_trial, path, learner=route_learner(_two_obstacles))
+    return path.read_text(encoding="utf-8")
+
+
+def test_the_page_needs_nothing_else(page):
+    assert page.lstrip().lower().startswith("<!doctype html>")
+    assert 'src="http' not in page
+    assert 'src="meshcat.js' not in page
+
+
+def scene(page: str) -> bytes:
+    """What the page is told to show: base64 messages, one after another."""
+    import base64
+    import re
+
+    return b"".join(base64.b64decode(text) for text in re.findall(r"base64,([A-Za-z0-9+/=]+)", page))
+
+
+def test_the_page_shows_robot_obstacles_goal_way_and_prediction(page):
+    told = scene(page)
+    for path in (
+        b"scene/robot/base_pioneer_p3dx_body",
+        b"first_drawn",
+        b"second_drawn",
+        b"scene_drawing/goal",
+        b"scene_drawing/start",
+        b"/way",
+        b"intention/path/0/mean",
+        b"intention/path/29/spread",
+        b"intention/halo/human",
+    ):
+        assert path in told, path
+
+
+def test_the_page_is_animated_over_the_whole_trial(page):
+    assert b"set_animation" in scene(page)
+
+
+@pytest.mark.parametrize("clock", ["time", "progress"])
+def test_the_prediction_is_the_one_that_the_trial_had(scenario, route_learner, tmp_path, clock):
+    """The learner is shown the same at every step: where the robot was, and where its driver pointed."""
+    learner = route_learner(scenario, variance=0.05, clock=clock)
+    learner.metadata |= {"evidence": "pose+command"}
+    trial = Simulation(scenario, learner=learner).run(TrialSettings(route="right_left"))
+    asked = [[part.tolist() for part in call] for call in learner.calls]
+    learner.calls.clear()
+    write_replay(trial, tmp_path / "trial.html", learner=learner)
+    assert [[part.tolist() for part in call] for call in learner.calls] == asked
+    assert max(len(times) for times, _, _ in asked) == 2
+
+
+def test_a_trial_broken_off_at_once_is_shown_too(scenario, tmp_path):
+    write_replay(Simulation(scenario).begin(TrialSettings()).finish(), tmp_path / "trial.html")
+    assert (tmp_path / "trial.html").stat().st_size > 1e5
+
+
+def test_without_a_learner_the_page_is_made_without_a_prediction(human_trial, tmp_path):
+    write_replay(human_trial, tmp_path / "trial.html")
+    assert (tmp_path / "trial.html").stat().st_size > 1e5
+
+
+def test_a_log_whose_scenario_is_none_is_refused_and_leaves_nothing(human_trial, tmp_path):
+    broken = Trial(columns=human_trial.columns, metadata=human_trial.metadata | {"scenario": {"name": "x"}})
+    with pytest.raises(InputError, match="the log's scenario"):
+        write_replay(broken, tmp_path / "trial.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_written_to_is_said_so(human_trial, tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(InputError, match="taken must be a folder"):
+        write_replay(human_trial, tmp_path / "taken" / "trial.html")

@@ -1,0 +1,51 @@
+"""Spreads, ratios, turns and exponents."""
+
+import numpy as np
+import pytest
+
+from drake_shared.experiments.benchmark.results import make_curve
+from drake_shared.experiments.benchmark.timing import exponent, interleave, ratio, spread
+
+
+def test_spread_is_the_median_and_the_middle_eighty_percent():
+    found = spread(np.arange(101.0))
+    assert (found.low, found.median, found.high, found.count) == (10.0, 50.0, 90.0, 101)
+
+
+def test_spread_of_one_value_is_that_value():
+    found = spread([3.0])
+    assert found.low == found.median == found.high == 3.0
+
+
+def test_ratio_is_taken_repeat_by_repeat():
+    slow = np.array([1.0, 2.0, 8.0])
+    found = ratio(3.0 * slow, slow)
+    assert found.low == found.median == found.high == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("power", [0.0, 0.5, 1.0, 2.0])
+def test_exponent_of_a_power_law_is_its_power(power):
+    sizes = np.array([2, 10, 50, 1000])
+    assert exponent(sizes, 0.3 * sizes**power) == pytest.approx(power)
+
+
+def test_curve_tells_the_end_from_the_whole():
+    sizes = [1, 10, 100, 1000]
+    curve = make_curve("a step, s", "obstacles", sizes, [np.full(3, 50.0 + size) for size in sizes])
+    assert curve.exponent < curve.last_exponent < 1.0
+
+
+def test_contenders_take_turns_that_rotate():
+    turns = []
+    contenders = {name: (lambda name=name: turns.append(name)) for name in "abc"}
+    seconds = interleave(contenders, repeats=3, block=0.0)
+    # One call to warm up and one to see how often to call, each; then three turns.
+    assert turns == list("aabbcc" + "abc" + "bca" + "cab")
+    assert {name: values.shape for name, values in seconds.items()} == dict.fromkeys("abc", (3,))
+
+
+def test_short_calls_are_timed_many_at_once():
+    calls = []
+    seconds = interleave({"short": lambda: calls.append(sum(range(100)))}, repeats=4, block=0.01)
+    assert len(calls) > 100
+    assert np.all(seconds["short"] > 0.0)

@@ -1,0 +1,180 @@
+"""Training on toy sets whose answer is known, and what it does with data that is hardly any."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from drake_shared.common.errors import InputError, RunError
+from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.learners import PRESETS, train
+
+QUICK = 60
+
+
+def at(learner, time: float, position, query: float) -> tuple[np.ndarray, np.ndarray]:
+    mean, variance = learner.predict([time], [position], [query])
+    return mean[0], np.sqrt(variance[0])
+
+
+def test_shown_one_way_it_expects_that_way(learner):
+    for side in (1.0, -1.0):
+        mean, sigma = at(learner, 1.0, [1.0, side * np.sin(np.pi / 4)], 2.0)
+        np.testing.assert_allclose(mean, [2.0, side], atol=0.05)
+        assert (sigma < 0.1).all()
+
+
+def test_where_the_ways_part_it_expects_their_mean_and_spread(learner):
+    """Two ways at +1 and -1 m: a mean of 0 and a standard deviation of 1."""
+    mean, sigma = at(learner, 0.0, [0.0, 0.0], 2.0)
+    np.testing.assert_allclose(mean, [2.0, 0.0], atol=0.15)
+    assert sigma[1] == pytest.approx(1.0, abs=0.15)
+
+
+def test_the_mean_leans_to_the_better_way_while_the_spread_covers_both(make_bows):
+    scored = make_bows([1.0, -1.0], scores=[0.0, 0.2])
+    learner = train(scored, iterations=400)
+    # Width 0.2: weights exp(-0.5) and 1 give a mean of (0.607 - 1) / 1.607.
+    expected = (np.exp(-0.5) - 1.0) / (np.exp(-0.5) + 1.0)
+    mean, sigma = at(learner, 0.0, [0.0, 0.0], 2.0)
+    assert mean[1] == pytest.approx(expected, abs=0.15)
+    assert sigma[1] == pytest.approx(np.sqrt(1.0 + expected**2), abs=0.15)
+    unweighted = train(scored, iterations=400, weighted=False)
+    assert at(unweighted, 0.0, [0.0, 0.0], 2.0)[0][1] == pytest.approx(0.0, abs=0.15)
+
+
+def test_the_paper_stops_when_the_loss_is_below_its_threshold(two_ways):
+    parameters = dataclasses.replace(PRESETS["paper"], batch=20, queries=20, loss_threshold=8.0)
+    learner = train(two_ways, parameters=parameters)
+    assert learner.metadata["training"]["iterations"] < 100
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_the_same_seed_gives_the_same_bits(two_ways, preset):
+    def trained(seed: int) -> np.ndarray:
+        learner = train(two_ways, preset=preset, iterations=QUICK, seed=seed)
+        return np.stack(learner.predict([1.0], [[1.0, 0.7]], learner.grid))
+
+    np.testing.assert_array_equal(trained(4), trained(4))
+    assert not np.array_equal(trained(4), trained(5))
+
+
+@pytest.mark.parametrize("scale", [0.02, 50.0])
+def test_the_size_of_the_room_does_not_matter(make_bows, scale):
+    """The same ways, larger or smaller: the same prediction in that unit, K in the inverse square of it."""
+    plain = train(make_bows([1.0, -1.0]), iterations=QUICK)
+    sized = train(make_bows([1.0, -1.0], scale=scale), iterations=QUICK)
+    position = np.array([[1.0, 0.7]])
+    mean, variance = plain.predict([1.0], position, plain.grid)
+    sized_mean, sized_variance = sized.predict([1.0], scale * position, sized.grid)
+    np.testing.assert_allclose(sized_mean, scale * mean, atol=2e-3 * scale)
+    np.testing.assert_allclose(sized_variance, scale**2 * variance, rtol=0.02)
+    assert sized.confidence_gain == pytest.approx(plain.confidence_gain / scale**2, rel=0.02)
+
+
+def test_the_record_says_how_it_came_about(two_ways):
+    seen = []
+    learner = train(two_ways, iterations=QUICK, seed=7, progress=lambda *state: seen.append(state))
+    record = learner.metadata["training"]
+    assert (record["iterations"], record["seed"], record["restarts"]) == (QUICK, 7, 0)
+    assert record["parameters"]["iterations"] == QUICK
+    assert record["demonstrations"] == 2
+    assert record["seconds"] > 0.0
+    assert len(record["data_sha256"]) == 64
+    assert set(record["versions"]) >= {"torch", "numpy", "python"}
+    assert record["loss"][-1][0] == QUICK
+    assert seen[-1][:2] == (QUICK, QUICK)
+
+
+def test_seconds_plan_the_iterations_and_the_same_number_gives_the_same_learner(two_ways):
+    timed = train(two_ways, seconds=0.8)
+    record = timed.metadata["training"]
+    assert record["seconds"] < 1.6
+    assert record["seconds_allowed"] == 0.8
+    if record["iterations"] == record["planned"]:
+        again = train(two_ways, iterations=record["iterations"])
+        shown = ([1.0], [[1.0, 0.7]], timed.grid)
+        np.testing.assert_array_equal(timed.predict(*shown), again.predict(*shown))
+
+
+def test_a_learner_that_ignores_what_it_is_shown_is_begun_again(two_ways):
+    # At this rate nothing is learnt, so every attempt but the last is given up.
+    deaf = dataclasses.replace(PRESETS["default"], learning_rate=1e-9, iterations=20, restarts=2)
+    record = train(two_ways, parameters=deaf).metadata["training"]
+    assert record["restarts"] == 2
+    assert record["ignores_observations"]
+
+
+def test_divergence_ends_with_a_clear_error(two_ways):
+    wild = dataclasses.replace(PRESETS["default"], learning_rate=1e30, iterations=50)
+    with pytest.raises(RunError, match="training diverged: the loss is"):
+        train(two_ways, parameters=wild)
+
+
+def still(points: int) -> Demonstration:
+    return Demonstration(times=np.arange(points) * 0.1, positions=np.full((points, 2), 2.0))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["one", "identical", "two points", "standing still", "100,000 points", "varying step"],
+)
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_hardly_any_data_still_gives_a_learner(make_bows, name, preset):
+    (way,) = make_bows([0.5])
+    rng = np.random.default_rng(0)
+    uneven = np.cumsum(rng.uniform(0.001, 0.3, 60))
+    many = np.linspace(0.0, 4.0, 100_000)
+    items = {
+        "one": (way,),
+        "identical": (way, way),
+        "two points": (Demonstration(times=[0.0, 2.0], positions=[[0.0, 0.0], [1.0, 1.0]]),),
+        "standing still": (still(20), still(20)),
+        "100,000 points": (way, Demonstration(times=many, positions=np.stack([many, 0.1 * many], axis=-1))),
+        "varying step": (Demonstration(times=uneven, positions=np.stack([uneven, uneven], axis=-1)), way),
+    }[name]
+    learner = train(Demonstrations(items=items), preset=preset, iterations=QUICK)
+    time = float(learner.grid[10])
+    mean, variance = learner.predict([time], learner.demonstrations[0, 10:11], learner.grid)
+    assert np.isfinite(mean).all()
+    assert (variance > 0.0).all()
+    assert np.isfinite(learner.confidence_gain)
+    assert learner.confidence_gain > 0.0
+
+
+def test_one_demonstration_leaves_no_doubt_on_it_and_all_doubt_beside_it(make_bows):
+    learner = train(make_bows([0.5]), iterations=200)
+    gain = learner.confidence_gain
+    on, beside = (learner.predict([2.0], [[2.0, y]], learner.grid)[1].mean() for y in (0.5, 1.5))
+    assert gain * on < 1.0
+    assert gain * beside > 20.0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"preset": "best"}, "preset must be one of paper, default, got 'best'"),
+        ({"seconds": 0.0}, "seconds must be positive"),
+        ({"seconds": float("nan")}, "seconds must be positive"),
+        ({"iterations": 0}, "iterations must be at least 1"),
+        ({"seed": -1}, "seed must be 0 or more"),
+        ({"duration": -1.0}, "duration must be positive"),
+    ],
+)
+def test_arguments_that_mean_nothing_are_refused(two_ways, options, message):
+    with pytest.raises(InputError, match=message):
+        train(two_ways, **options)
+
+
+def test_a_score_that_is_nan_is_refused(make_bows):
+    with pytest.raises(InputError, match="demonstration 1 must be finite"):
+        train(make_bows([1.0, -1.0], scores=[0.0, np.nan]), iterations=1)
+
+
+def test_many_demonstrations_are_judged_by_some_that_are_held_out(make_bows):
+    rng = np.random.default_rng(0)
+    many = make_bows([*rng.normal(1.0, 0.03, 30), *rng.normal(-1.0, 0.03, 30)])
+    learner = train(many, iterations=200)
+    assert learner.metadata["training"]["held_out"] == 6
+    mean, _ = at(learner, 1.0, [1.0, np.sin(np.pi / 4)], 2.0)
+    np.testing.assert_allclose(mean, [2.0, 1.0], atol=0.08)

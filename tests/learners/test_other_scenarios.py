@@ -1,0 +1,80 @@
+"""Routes of another room: larger, smaller, mirrored, turned. What is learnt is the same."""
+
+import numpy as np
+import pytest
+
+from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.learners import train
+
+TIMES = np.linspace(0.0, 10.0, 101)
+NOISE = 0.03
+"""Of the point shown, in [m] in a room of 5 m."""
+
+
+def turn(degrees: float) -> np.ndarray:
+    angle = np.radians(degrees)
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+ROOMS = {
+    "of 1 m": 0.2 * np.eye(2),
+    "of 50 m": 10.0 * np.eye(2),
+    "mirrored": np.diag([1.0, -1.0]),
+    "turned by 37 degrees": turn(37.0),
+    "turned by 90 degrees": turn(90.0),
+}
+
+
+def drives(count: int, seed: int) -> np.ndarray:
+    """Drives of three ways round two obstacles, shape (count, 101, 2), in [m]; ways take turns."""
+    rng = np.random.default_rng(seed)
+    share = TIMES / TIMES[-1]
+    bump = np.sin(2.0 * np.pi * share) ** 2
+    first = share < 0.5
+    sides = [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]
+    paths = []
+    for index in range(count):
+        before, after = sides[index % 3]
+        height = np.where(first, before, after) * bump * (0.8 + 0.08 * rng.standard_normal())
+        wander = 0.03 * rng.standard_normal(3) @ [np.sin(k * np.pi * share) for k in (1, 2, 3)]
+        paths.append(np.stack([5.0 * share, height + wander], axis=-1))
+    return np.stack(paths)
+
+
+def taught(paths: np.ndarray) -> Demonstrations:
+    return Demonstrations(items=tuple(Demonstration(times=TIMES, positions=path) for path in paths))
+
+
+def score(learner, room: np.ndarray, scale: float) -> dict[str, float]:
+    """Of fresh drives, shown one point where ways are apart: measures in units of the room of 5 m."""
+    rng = np.random.default_rng(1)
+    errors, z = [], []
+    for path in drives(12, seed=5):
+        for step in (20, 25, 75, 80):
+            shown = (path[step] + NOISE * rng.standard_normal(2)) @ room.T
+            mean, variance = learner.predict(TIMES[step : step + 1], shown[None], TIMES[step + 1 :])
+            off = path[step + 1 :] @ room.T - mean
+            late = step > 50  # After the second fork nothing is left open.
+            errors += [np.square(off / scale).sum(axis=1).mean()] if late else []
+            z.append(off / np.sqrt(variance))
+    z = np.abs(np.concatenate(z))
+    return {"rmse": float(np.sqrt(np.mean(errors))), "coverage": float((z < 1.645).mean())}
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return score(train(taught(drives(12, seed=0)), iterations=400), np.eye(2), 1.0)
+
+
+def test_ways_are_told_from_one_noisy_point(plain):
+    assert plain["rmse"] < 0.06
+    assert 0.85 < plain["coverage"] < 0.97
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_another_room_is_learnt_as_well(plain, name):
+    room = ROOMS[name]
+    scale = float(np.sqrt(abs(np.linalg.det(room))))
+    found = score(train(taught(drives(12, seed=0) @ room.T), iterations=400), room, scale)
+    assert found["rmse"] < 1.15 * plain["rmse"]
+    assert 0.85 < found["coverage"] < 0.97

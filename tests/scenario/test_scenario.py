@@ -1,0 +1,321 @@
+"""Scenarios: the shipped ones, what a robot can do, and everything that a file may get wrong."""
+
+import copy
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+from drake_shared.common.errors import InputError
+from drake_shared.robots import DiffDrive
+from drake_shared.scenario import (
+    Scenario,
+    check_scenario,
+    clearance_scorer,
+    load_scenario,
+    scenario_from_dict,
+)
+from drake_shared.scenario.obstacles import Box, Circle
+
+SHIPPED = ("two_obstacles", "three_obstacles", "doorway")
+
+TASK = """\
+name: task
+duration: 15.0
+control_period: 0.05
+start: {x: 0.0, y: 0.0, yaw: 0.0}
+goal: {x: 3.0, y: 0.0, radius: 0.2}
+workspace: {x_min: -1.0, x_max: 4.0, y_min: -1.5, y_max: 1.5}
+obstacles:
+- !Circle {name: pillar, x: 1.5, y: 0.0, radius: 0.2}
+- !Box {name: wall, x: 1.5, y: 1.4, length: 1.0, width: 0.1}
+routes:
+- name: below
+  waypoints: [[0.0, 0.0], [1.5, -0.8], [3.0, 0.0]]
+  sides: {pillar: right, wall: right}
+- name: between
+  waypoints: [[0.0, 0.0], [1.5, 0.75], [3.0, 0.0]]
+  sides: {pillar: left, wall: right}
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Writes the task with one thing changed."""
+
+    def apply(old: str = "", new: str = ""):
+        assert old in TASK
+        file = tmp_path / "task.yaml"
+        file.write_text(TASK.replace(old, new, 1))
+        return file
+
+    return apply
+
+
+def refused(path) -> str:
+    """What is said of a file, after its name."""
+    with pytest.raises(InputError) as caught:
+        load_scenario(path)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert text.startswith(str(path))
+    return text.removeprefix(str(path)).removeprefix(": ").strip()
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_scenarios_can_be_run(name):
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert scenario.steps == 300
+    assert len(scenario.routes) == 3
+    assert clearance_scorer(scenario)(np.array([[scenario.goal.x, scenario.goal.y]])) > 0
+
+
+def test_the_two_obstacle_task_is_the_default():
+    assert load_scenario() == load_scenario("two_obstacles")
+
+
+def test_the_default_is_the_task_of_the_paper():
+    scenario = load_scenario()
+    assert [(item.x, item.y, item.radius) for item in scenario.obstacles] == [
+        (1.4, 0.0, 0.25),
+        (3.6, 0.0, 0.25),
+    ]
+    assert (scenario.duration, scenario.control_period) == (15.0, 0.05)
+    assert dataclasses.astuple(scenario.start) == (0.0, 0.0, 0.0)
+    assert dataclasses.astuple(scenario.goal) == (5.0, 0.0, 0.2)
+
+
+def test_the_default_robot_is_the_p3dx():
+    robot = load_scenario().robot
+    assert (robot.footprint_radius, robot.wheel_radius, robot.track) == (0.267, 0.0975, 0.33)
+    assert robot.max_wheel_speed == pytest.approx(12.3, abs=0.01)
+    assert robot.model_path().is_file()
+
+
+def test_every_kind_of_obstacle_is_among_those_shipped():
+    kinds = {type(item) for name in SHIPPED for item in load_scenario(name).obstacles}
+    assert kinds == {Circle, Box}
+
+
+def test_a_file_can_be_given_by_its_path(write):
+    scenario = load_scenario(write())
+    assert [item.name for item in scenario.obstacles] == ["pillar", "wall"]
+    assert scenario.robot == DiffDrive()
+    assert load_scenario(str(write())) == scenario
+
+
+def test_whole_numbers_will_do(write):
+    assert load_scenario(write("duration: 15.0", "duration: 15")).duration == 15.0
+
+
+def test_a_route_is_found_by_its_name():
+    assert load_scenario().route("left_left").sides == {"first": "left", "second": "left"}
+    with pytest.raises(
+        InputError, match="routes has no route 'up'; there are: left_right, right_left, left_l"
+    ):
+        load_scenario().route("up")
+
+
+def test_a_route_leaves_the_way_the_robot_stands(write):
+    scenario = load_scenario(write("yaw: 0.0}", "yaw: -0.4}"))
+    *_, direction, _ = scenario.routes[0].path(scenario.start).frame(0.0)
+    assert direction == pytest.approx(-0.4)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_comes_back_from_the_dictionary_that_a_log_holds(name):
+    scenario = load_scenario(name)
+    assert scenario_from_dict(json.loads(json.dumps(dataclasses.asdict(scenario)))) == scenario
+
+
+def test_a_scenario_made_in_python_with_numpy_comes_back_too(open_floor):
+    open_floor.goal.radius = np.float64(0.25)
+    assert scenario_from_dict(dataclasses.asdict(open_floor)) == open_floor
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "field", "said"),
+    [
+        # Unknown fields and wrong types.
+        ("duration:", "duraton:", "duraton", "unknown"),
+        ("yaw: 0.0}", "yaw: 0.0, z: 1.0}", "start.z", "unknown"),
+        ("obstacles:", "robot: {wheels: 4}\nobstacles:", "robot.wheels", "unknown"),
+        ("radius: 0.2}\n- !Box", "radius: 0.2, colour: red}\n- !Box", "obstacles", "colour"),
+        ("duration: 15.0", "duration: soon", "duration", "soon"),
+        ("duration: 15.0", "duration: [15.0]", "duration", "list"),
+        ("duration: 15.0", "duration:", "duration", "None"),
+        ("duration: 15.0", "duration: true", "duration", "bool"),
+        ("name: task", "name: [a, b]", "name", "list"),
+        ("{x: 0.0, y: 0.0, yaw: 0.0}", "3", "start", "3"),
+        ("{x: 0.0, y: 0.0, yaw", "{x: left, y: 0.0, yaw", "start.x", "left"),
+        ("!Circle", "!Disc", "obstacles", "Disc"),
+        ("[1.5, -0.8]", "[1.5, low]", "routes", "low"),
+        ("[1.5, -0.8]", "1.5", "routes", "float"),
+        # No numbers.
+        ("duration: 15.0", "duration: .nan", "duration", "finite"),
+        ("control_period: 0.05", "control_period: .inf", "control_period", "finite"),
+        ("yaw: 0.0", "yaw: -.inf", "start.yaw", "finite"),
+        ("x: 1.5, y: 0.0, radius: 0.2", "x: .nan, y: 0.0, radius: 0.2", "obstacles[0].x", "finite"),
+        ("width: 0.1", "width: .nan", "obstacles[1].width", "finite"),
+        ("[1.5, -0.8]", "[1.5, .nan]", "routes[0].waypoints[1][1]", "finite"),
+        ("obstacles:", "robot: {track: .nan}\nobstacles:", "robot.track", "finite"),
+        # Left out.
+        ("name: task\n", "", "name", "must be given"),
+        ("goal: {x: 3.0, ", "goal: {", "goal.x", "must be given"),
+        ("goal: {x: 3.0, y: 0.0, radius: 0.2}\n", "", "goal.x", "must be given"),
+        ("x_min: -1.0, ", "", "workspace.x_min", "must be given"),
+        ("0.0, radius: 0.2}\n- !Box", "0.0}\n- !Box", "obstacles[0].radius", "must be given"),
+        (", length: 1.0", "", "obstacles[1].length", "must be given"),
+        ("name: pillar, ", "", "obstacles", "must all have a name"),
+        ("name: below", "name: ' '", "routes", "must all have a name"),
+        # Not positive, or not what it must be.
+        ("duration: 15.0", "duration: 0.0", "duration", "positive"),
+        ("duration: 15.0", "duration: 15.01", "duration", "whole number of control periods"),
+        ("duration: 15.0", "duration: 0.01", "duration", "whole number of control periods"),
+        ("control_period: 0.05", "control_period: -0.05", "control_period", "positive"),
+        ("radius: 0.2}\nwork", "radius: 0.0}\nwork", "goal.radius", "positive"),
+        ("radius: 0.2}\n- !Box", "radius: -0.2}\n- !Box", "obstacles[0].radius", "positive"),
+        ("length: 1.0", "length: 0.0", "obstacles[1].length", "positive"),
+        ("obstacles:", "robot: {footprint_radius: -1.0}\nobstacles:", "robot.footprint_radius", "positive"),
+        ("obstacles:", "robot: {wheel_radius: 0.0}\nobstacles:", "robot.wheel_radius", "positive"),
+        ("obstacles:", "robot: {max_acceleration: 0.0}\nobstacles:", "robot.max_acceleration", "positive"),
+        ("obstacles:", "travel_time: 0.0\nobstacles:", "travel_time", "positive"),
+        ("control_period: 0.05", "control_period: 1.0e-9", "control_period", "at most"),
+        ("x_max: 4.0", "x_max: -4.0", "workspace's width", "positive"),
+        ("y_max: 1.5", "y_max: -1.5", "workspace's height", "positive"),
+        ("name: wall", "name: pillar", "obstacles", "names that differ"),
+        ("name: between", "name: below", "routes", "names that differ"),
+        ("obstacles:", "robot: {model: tank.sdf}\nobstacles:", "robot.model", "must be an SDF file"),
+        ("obstacles:", "plant: wooden\nobstacles:", "plant", "one of kinematic, dynamic"),
+        # Outside.
+        ("start: {x: 0.0", "start: {x: -1.1", "start", "inside the workspace"),
+        ("goal: {x: 3.0", "goal: {x: 4.1", "goal", "inside the workspace"),
+        ("x: 1.5, y: 0.0, radius", "x: 9.5, y: 0.0, radius", "obstacles: pillar", "inside the workspace"),
+        ("[1.5, -0.8]", "[1.5, -1.6]", "routes: below", "inside the workspace"),
+        # In the way, with the footprint counted.
+        ("start: {x: 0.0", "start: {x: 1.5", "start", "free of obstacles"),
+        ("start: {x: 0.0", "start: {x: 1.05", "start", "free of obstacles"),
+        ("goal: {x: 3.0", "goal: {x: 1.95", "goal", "free of obstacles"),
+        ("[1.5, -0.8]", "[1.5, -0.1]", "routes: below", "free of obstacles"),
+        ("[1.5, -0.8]", "[1.5, -0.46]", "routes: below", "free of obstacles"),
+        # Routes.
+        ("[[0.0, 0.0], [1.5, -0.8], [3.0, 0.0]]", "[]", "routes: below", "at least two waypoints"),
+        ("[[0.0, 0.0], [1.5, -0.8], [3.0, 0.0]]", "[[0.0, 0.0]]", "routes: below", "at least two waypoints"),
+        ("[1.5, -0.8]", "[1.5, -0.8, 0.0]", "routes: below", "two waypoints [x, y]"),
+        ("[1.5, -0.8]", "[1.5, -0.8], [1.5, -0.8]", "routes: below", "twice in a row"),
+        ("[[0.0, 0.0], [1.5, -0.8]", "[[0.1, 0.0], [1.5, -0.8]", "routes: below", "misses the start"),
+        ("[1.5, -0.8], [3.0, 0.0]", "[1.5, -0.8], [2.9, 0.0]", "routes: below", "misses the goal"),
+        ("pillar: right", "pillar: left", "routes: below: sides: pillar", "must be right"),
+        ("pillar: right", "pillar: under", "routes: below: sides: pillar", "must be right, got 'under'"),
+        ("{pillar: right, wall: right}", "{pillar: right}", "routes: below: sides", "name every obstacle"),
+        ("{pillar: right, ", "{tree: left, pillar: right, ", "routes: below: sides", "name every obstacle"),
+    ],
+)
+def test_a_bad_scenario_is_refused_in_one_line_that_names_file_and_field(write, old, new, field, said):
+    text = refused(write(old, new))
+    assert text.startswith(f"{field} ")
+    assert said in text
+
+
+@pytest.mark.parametrize("routes", ["routes: []\n", ""])
+def test_a_scenario_without_routes_is_refused(tmp_path, routes):
+    file = tmp_path / "task.yaml"
+    file.write_text(TASK[: TASK.index("routes:")] + routes)
+    assert refused(file) == "routes must name at least one route"
+
+
+@pytest.mark.parametrize("content", [b"", b"3", b"- 1\n- 2\n", b"a: [", b"a: b: c", b"\x00", b"\xff\xfe\x00"])
+def test_what_is_no_scenario_at_all_is_refused(tmp_path, content):
+    file = tmp_path / "task.yaml"
+    file.write_bytes(content)
+    assert refused(file).startswith("cannot be read")
+
+
+@pytest.mark.parametrize("name", ["nowhere/task.yaml", "four_obstacles", "", "../two_obstacles"])
+def test_a_file_that_is_not_there_is_refused_and_the_shipped_ones_are_named(tmp_path, name):
+    path = str(tmp_path / name) if "/" in name else name
+    assert refused(path) == "must be a scenario file, or one of: doorway, three_obstacles, two_obstacles"
+
+
+def test_yaml_that_would_run_code_is_refused(write, tmp_path):
+    trap = tmp_path / "trap"
+    file = write("name: task", f"name: !!python/object/apply:os.mkdir ['{trap}']")
+    assert refused(file).startswith(("name", "cannot"))
+    assert not trap.exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"duration": "soon"}, "duration"),
+        ({"duration": None}, "duration"),
+        ({"duration": math.nan}, "duration"),
+        ({"goal": None}, "goal"),
+        ({"goal": [1.0, 2.0]}, "goal"),
+        ({"start": {"x": "left"}}, "start.x"),
+        ({"weather": "sun"}, "weather"),
+        ({"routes": [{"name": "a", "waypoints": [1, 2], "sides": {}}]}, "routes"),
+        ({"routes": []}, "routes"),
+        ({"obstacles": None}, ""),
+        ({"obstacles": "none"}, ""),
+        ({"obstacles": [3]}, ""),
+        ({"name": object()}, ""),
+    ],
+)
+def test_a_dictionary_that_is_no_scenario_is_refused(scenario, change, field):
+    data = dataclasses.asdict(scenario) | change
+    with pytest.raises(InputError) as caught:
+        scenario_from_dict(data, source="a log")
+    assert str(caught.value).startswith(f"a log: {field} " if field else "a log ")
+
+
+@pytest.mark.parametrize("data", [None, 3, "scenario", [1, 2], {}])
+def test_something_else_than_a_dictionary_is_refused(data):
+    with pytest.raises(InputError, match="a log"):
+        scenario_from_dict(data, source="a log")
+
+
+def test_a_scenario_is_not_changed_by_being_checked(scenario):
+    before = copy.deepcopy(scenario)
+    check_scenario(scenario)
+    assert scenario == before
+
+
+def test_clearance_is_the_least_one_along_the_way_with_the_footprint_counted(scenario):
+    clearance = clearance_scorer(scenario)
+    assert clearance(np.array([[1.4, 1.0]])) == pytest.approx(1.0 - 0.25 - 0.267)
+    way = np.stack([np.linspace(0, 5, 101), np.full(101, 0.8)], axis=-1)
+    assert clearance(way) == pytest.approx(0.8 - 0.25 - 0.267)
+
+
+def test_without_obstacles_clearance_is_infinite(open_floor):
+    check_scenario(open_floor)
+    assert clearance_scorer(open_floor)(np.zeros((1, 2))) == math.inf
+
+
+def test_wheel_speeds_and_twist_are_inverse():
+    robot = DiffDrive()
+    for speed, yaw_rate in [(0.5, 0.3), (-0.2, 1.0), (0.0, -2.0), (1.1, 0.0)]:
+        assert robot.twist(*robot.wheel_speeds(speed, yaw_rate)) == pytest.approx((speed, yaw_rate))
+
+
+def test_wheel_speeds_by_hand():
+    robot = DiffDrive(wheel_radius=0.1, track=0.4)
+    assert robot.wheel_speeds(0.5, 0.5) == pytest.approx(((0.5 - 0.1) / 0.1, (0.5 + 0.1) / 0.1))
+    assert robot.twist(4.0, 6.0) == pytest.approx((0.05 * 10.0, 0.1 / 0.4 * 2.0))
+
+
+def test_too_fast_a_wish_keeps_its_curve():
+    robot = DiffDrive()
+    left, right = robot.wheel_speeds(5.0, 4.0)
+    assert max(abs(left), abs(right)) == pytest.approx(robot.max_wheel_speed)
+    speed, yaw_rate = robot.twist(left, right)
+    assert speed / yaw_rate == pytest.approx(5.0 / 4.0)
+
+
+def test_the_number_of_steps_does_not_suffer_from_rounding():
+    for period, duration, steps in [(0.1, 0.3, 3), (0.05, 15.0, 300), (0.03, 2.1, 70)]:
+        assert Scenario(duration=duration, control_period=period).steps == steps
