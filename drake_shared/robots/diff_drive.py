@@ -1,14 +1,37 @@
 """A differential-drive robot as data: its sizes, limits and kinematics."""
 
 import dataclasses
+import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import ClassVar
 
 from drake_shared.common.files import models_directory
+from drake_shared.robots.robot import scaled_length
+
+# Lever, in [m], by which a yaw rate counts as a speed when the angle between two twists is taken.
+_LEVER = 0.5
+# A twist slower than this, in [m/s], has no direction.
+_LEAST_SPEED = 0.05
+# Within this distance of a target, in [m], the direction to it means nothing.
+_AT_TARGET = 0.01
+# Yaw rate per angle to a target that lies behind, in [1/s].
+_TURN_GAIN = 2.0
 
 
 @dataclasses.dataclass(kw_only=True)
 class DiffDrive:
-    """A differential-drive robot with a circular footprint; the defaults are the Pioneer P3-DX."""
+    """A differential-drive robot with a circular footprint; the defaults are the Pioneer P3-DX.
+
+    Its configuration is [x, y, yaw] in [m, m, rad], world frame, its command the wheel speeds [left, right]
+    in [rad/s]. It is a `drake_shared.robots.Robot`.
+    """
+
+    configuration_names: ClassVar[tuple[str, ...]] = ("x", "y", "yaw")
+    position_names: ClassVar[tuple[str, ...]] = ("x", "y")
+    command_names: ClassVar[tuple[str, ...]] = ("left", "right")
+    command_units: ClassVar[tuple[str, ...]] = ("rad/s", "rad/s")
+    speed_names: ClassVar[tuple[str, ...]] = ("wheel_left", "wheel_right")
 
     model: str = "pioneer_p3dx.sdf"
     """SDF file: a path, or the name of one in models/robots."""
@@ -50,6 +73,72 @@ class DiffDrive:
         """Speed, in [m/s], and yaw rate, in [rad/s], of the wheel speeds, in [rad/s]."""
         half = 0.5 * self.wheel_radius
         return half * (left + right), self.wheel_radius / self.track * (right - left)
+
+    @property
+    def command_limits(self) -> tuple[float, float]:
+        """Of each wheel, in [rad/s]."""
+        return self.max_wheel_speed, self.max_wheel_speed
+
+    @property
+    def characteristic_length(self) -> float:
+        """The footprint's radius, in [m]."""
+        return self.footprint_radius
+
+    def position(self, configuration: Sequence[float]) -> tuple[float, float]:
+        """Position (x, y), in [m], of the middle of the axle."""
+        x, y, _ = configuration
+        return x, y
+
+    def speed(self, command: Sequence[float]) -> float:
+        """Speed along the robot's direction, in [m/s], without its sign."""
+        return abs(self.twist(*command)[0])
+
+    def rollout(
+        self, configuration: Sequence[float], command: Sequence[float], horizon: float
+    ) -> tuple[float, float]:
+        """Position (x, y), in [m], at the end of the arc that ``command`` drives in ``horizon`` s."""
+        x, y, yaw = configuration
+        speed, yaw_rate = self.twist(*command)
+        half = 0.5 * yaw_rate * horizon
+        chord = speed * horizon * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
+        return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half)
+
+    def command_toward(
+        self, configuration: Sequence[float], target: Sequence[float], duration: float
+    ) -> tuple[float, float]:
+        """Wheel speeds, in [rad/s], along the arc to ``target`` (x, y) that starts in the robot's direction.
+
+        This is pure pursuit (Coulter 1992). The robot first turns to a target that lies behind it.
+        """
+        x, y, yaw = configuration
+        target_x, target_y = target
+        dx, dy = target_x - x, target_y - y
+        distance = math.hypot(dx, dy)
+        if not math.isfinite(distance):
+            return math.nan, math.nan
+        if distance < scaled_length(self, _AT_TARGET):
+            return 0.0, 0.0
+        bearing = math.remainder(math.atan2(dy, dx) - yaw, math.tau)
+        if abs(bearing) > 0.5 * math.pi:
+            return self.wheel_speeds(0.0, _TURN_GAIN * bearing)
+        # The chord of length d at angle b belongs to an arc of length d b/sin b and curvature 2 sin b/d.
+        turn = 2.0 * bearing / duration
+        arc = distance * (bearing / math.sin(bearing) if abs(bearing) > 1e-6 else 1.0)
+        return self.wheel_speeds(arc / duration, turn)
+
+    def conflict_angle(self, a: Sequence[float], b: Sequence[float]) -> float:
+        """Angle between two commands as twists (v, lever * yaw rate), in [rad].
+
+        NaN if either hardly moves.
+        """
+        lever, least = scaled_length(self, _LEVER), scaled_length(self, _LEAST_SPEED)
+        speed, yaw_rate = self.twist(*a)
+        other_speed, other_yaw_rate = self.twist(*b)
+        turn, other_turn = lever * yaw_rate, lever * other_yaw_rate
+        if not min(math.hypot(speed, turn), math.hypot(other_speed, other_turn)) > least:
+            return math.nan
+        across = speed * other_turn - turn * other_speed
+        return abs(math.atan2(across, speed * other_speed + turn * other_turn))
 
     def model_path(self) -> Path:
         """Where the SDF file is."""
