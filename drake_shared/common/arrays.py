@@ -1,4 +1,4 @@
-"""What several rooms do with arrays."""
+"""Array helpers."""
 
 from __future__ import annotations
 
@@ -7,17 +7,23 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def read_only(values: ArrayLike) -> NDArray[np.float64]:
-    """A copy that cannot be written to."""
+    """A read-only copy."""
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
 
 
 def path_at(
-    path: NDArray[np.float64], times: NDArray[np.float64], asked: NDArray[np.float64]
+    path: NDArray[np.float64], times: NDArray[np.float64], query_times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Positions (Q, 2) of a path (N, 2), known at increasing ``times`` (N,), at the times ``asked`` (Q,).
+    """Interpolates a path linearly; beyond its ends the first and last positions hold.
 
-    They are linear in between, and held beyond both ends.
+    Args:
+        path: Positions, shape (N, D).
+        times: Times of the positions, shape (N,), increasing.
+        query_times: Shape (Q,).
+
+    Returns:
+        Positions at the query times, shape (Q, D).
     """
-    return np.stack([np.interp(asked, times, path[:, axis]) for axis in (0, 1)], axis=-1)
+    return np.stack([np.interp(query_times, times, path[:, axis]) for axis in range(path.shape[1])], axis=-1)

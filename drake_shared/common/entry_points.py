@@ -1,4 +1,4 @@
-"""What others register through entry points."""
+"""Objects that other packages register through entry points."""
 
 from __future__ import annotations
 
@@ -10,28 +10,29 @@ from drake_shared.common.errors import InputError
 
 
 def registered_names(group: str) -> list[str]:
-    """Names that are registered in an entry point group."""
+    """Names registered in an entry point group."""
     return [point.name for point in entry_points(group=group)]
 
 
 def load_registered(group: str, name: str, *, source: str | os.PathLike[str], field: str = "") -> Any:
-    """What is registered under ``name``; None if nothing is.
+    """Imports the object registered under ``name``; None if there is no such name.
 
     Args:
-        group: Of entry points.
-        name: Of one of them.
-        source, field: What asked for it, for the error message.
+        group: Entry point group.
+        name: Name in that group.
+        source: File or option that names it, for the error message.
+        field: Field of ``source``, for the error message.
 
     Raises:
-        InputError: It cannot be imported.
+        InputError: The object cannot be imported.
     """
     for point in entry_points(group=group):
         if point.name == name:
             try:
                 return point.load()
-            except Exception as error:  # What others register may fail in any way.
-                why = f"{type(error).__name__}: {error}"
+            except Exception as error:  # A plug-in may fail in any way.
+                reason = f"{type(error).__name__}: {error}"
                 raise InputError(
-                    source, field, f"{name!r} ({point.value}) cannot be imported ({why})"
+                    source, field, f"{name!r} ({point.value}) cannot be imported ({reason})"
                 ) from error
     return None

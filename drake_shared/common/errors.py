@@ -1,34 +1,41 @@
-"""The errors that this package raises on purpose."""
+"""Errors that this package raises on purpose."""
 
 from __future__ import annotations
 
 import copyreg
 import os
+from typing import Any
 
 
 class DrakeSharedError(Exception):
-    """Root of the errors of this package; its text is one line for the person at the keyboard."""
+    """Root of the errors of this package. Its text is one line."""
 
 
 class InputError(DrakeSharedError, ValueError):
-    """Something given from outside cannot be used.
+    """A file, option or argument cannot be used.
 
     Args:
-        source: The file, option or object that holds it.
-        field: The part of it that is at fault; empty for the whole.
-        expected: What it must be.
+        source: The file, option or object that holds the input.
+        field: The field at fault; empty for the whole.
+        expected: What the field must be.
         got: What it is, if that helps.
+
+    Attributes:
+        source: As above, as text.
+        field: As above.
     """
 
     def __init__(self, source: str | os.PathLike[str], field: str, expected: str, got: object = None) -> None:
-        where = f"{os.fspath(source)}: {field}" if field else os.fspath(source)
-        came = "" if got is None else f", got {got}"
-        super().__init__(" ".join(f"{where} {expected}{came}".split()))
+        self.source = os.fspath(source)
+        self.field = field
+        where = f"{self.source}: {field}" if field else self.source
+        found = "" if got is None else f", got {got}"
+        super().__init__(" ".join(f"{where} {expected}{found}".split()))
 
-    def __reduce__(self) -> tuple:
-        # An exception is made anew from its text alone when it comes from another process.
-        return copyreg.__newobj__, (type(self), str(self))  # type: ignore[attr-defined]
+    def __reduce__(self) -> tuple[Any, ...]:
+        # By default an exception is rebuilt in another process by __init__ with its text alone.
+        return copyreg.__newobj__, (type(self), str(self)), self.__dict__  # type: ignore[attr-defined]
 
 
 class RunError(DrakeSharedError):
-    """A run failed for a reason that is not in its input (training diverged, say)."""
+    """A run failed although its input is valid: training diverged, for example."""

@@ -1,4 +1,4 @@
-"""Files that are never half there, and where the shipped ones are."""
+"""Atomic file writes, and the folder of shipped files."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def models_directory() -> Path:
 
 @contextlib.contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yields a temporary path beside ``path`` to write to, and renames it into place on success.
+    """Yields a temporary path beside ``path`` and renames it to ``path`` on success.
 
-    On an exception the temporary file goes and ``path`` stays as it was.
+    On an exception the temporary file is removed and ``path`` is unchanged.
 
     Raises:
-        InputError: There is no writing to ``path``.
-        RunError: Writing failed half-way: the disk is full, say.
+        InputError: ``path`` cannot be written to.
+        RunError: Writing failed, because the disk is full, for example.
     """
     target = Path(path)
     check_target(target)
@@ -37,7 +37,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary = Path(name)
         try:
             yield temporary
-            # mkstemp makes files private; what we leave has the mode that open() would have given it.
+            # mkstemp makes files private; the file gets the mode that open() would give it.
             mask = os.umask(0)
             os.umask(mask)
             temporary.chmod(0o666 & ~mask)
@@ -45,22 +45,22 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        # Some libraries raise it with a text of many lines.
+        # Some libraries raise it with several lines of text.
         reason = os.strerror(error.errno) if error.errno else " ".join(str(error).split())
         raise RunError(f"{target}: cannot be written ({reason})") from error
 
 
 def sha256_of(path: str | os.PathLike[str]) -> str:
-    """The SHA-256 of a file's content, in hexadecimal."""
+    """SHA-256 of a file's content, in hexadecimal."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
-    """Makes sure that a file can be written at ``path``; its folder is made if needed.
+    """Checks that a file can be written at ``path``; creates its folder if needed.
 
     Raises:
-        InputError: The folder cannot be made or written to, or ``path`` is itself a folder.
+        InputError: The folder cannot be created or written to, or ``path`` is a folder.
     """
     check_writable(Path(path).parent)
     if os.path.isdir(path):
@@ -68,10 +68,10 @@ def check_target(path: str | os.PathLike[str]) -> None:
 
 
 def check_writable(directory: str | os.PathLike[str]) -> None:
-    """Makes ``directory`` if needed and proves that files can be written there.
+    """Creates ``directory`` if needed and checks that files can be written there.
 
     Raises:
-        InputError: They cannot.
+        InputError: It cannot be created or written to.
     """
     try:
         Path(directory).mkdir(parents=True, exist_ok=True)
