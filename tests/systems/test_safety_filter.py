@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from drake_shared.safety import barrier
+from drake_shared.arbitration.safety import barrier
 from pydrake.common.value import Value
 from pydrake.geometry import QueryObject, SceneGraph
 from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions

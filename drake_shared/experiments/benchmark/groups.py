@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_info
 from drake_shared.experiments.benchmark.results import GroupResult
 from drake_shared.experiments.benchmark.test_tasks import Setting
 
-FORMAT = "drake_shared.experiments.benchmark"
+FORMAT = "drake_shared.benchmark"
 VERSION = 1
 PACKAGES = (
     *("drake_shared", "drake", "numpy", "torch", "onnx", "onnxruntime"),

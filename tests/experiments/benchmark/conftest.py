@@ -5,7 +5,7 @@ import math
 import pytest
 from threadpoolctl import threadpool_limits
 
-from drake_shared.experiments.benchmark import setting as setting_module
+from drake_shared.experiments.benchmark import test_tasks as setting_module
 from drake_shared.experiments.benchmark.predict import one_torch_thread
 from drake_shared.experiments.benchmark.results import GroupResult
 from drake_shared.experiments.benchmark.test_tasks import Setting
