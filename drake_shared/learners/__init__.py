@@ -5,6 +5,8 @@ Training needs torch, which is imported by the first call of `train` and by noth
 
 from __future__ import annotations
 
+import inspect
+import time
 from typing import Any
 
 from drake_shared.common.errors import InputError
@@ -12,7 +14,7 @@ from drake_shared.demonstrations.demonstrations import Demonstrations
 from drake_shared.learners.base import Learner, confidence, mean_variance
 from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.cnmp.parameters import PRESETS, TrainingParameters
-from drake_shared.learners.registry import find_learner, learner_names
+from drake_shared.learners.registry import find_learner, find_trainer, learner_names
 from drake_shared.learners.storage import load_learner, save_learner
 
 __all__ = [
@@ -22,12 +24,22 @@ __all__ = [
     "calibrate",
     "confidence",
     "find_learner",
+    "find_trainer",
     "learner_names",
     "load_learner",
     "mean_variance",
     "save_learner",
     "train",
 ]
+
+_DEFAULTS = {
+    "preset": "default",
+    "weighted": True,
+    "seed": 0,
+    "seconds": None,
+    "iterations": None,
+    "progress": None,
+}
 
 
 def train(
@@ -39,17 +51,29 @@ def train(
         demonstrations: At least one.
         learner: "cnmp", "mixture", "cesn", "promp" or one that is registered; see
             `drake_shared.learners.registry`.
-        members: More than one makes an ensemble of a "cnmp"; see `drake_shared.learners.ensemble`.
-        options: preset, weighted, seed, seconds, iterations, progress;
-            `drake_shared.learners.cnmp.training.train` says what they mean.
+        members: More than one trains an ensemble of a "cnmp".
+        options: preset, weighted, seed, seconds, iterations, progress, which
+            `drake_shared.learners.cnmp.training.train` describes, and what else the trainer takes. Those
+            which a trainer does not take are omitted, those which it requires have defaults.
 
     Raises:
-        InputError: There is no such learner, or it cannot be taught so.
+        InputError: There is no such learner, or an option or a score is invalid.
+        RunError: Training diverged.
     """
+    # Importing torch takes seconds, which count.
+    defaults = {**_DEFAULTS, "begun": time.perf_counter()}
     if learner == "cnmp" and members != 1:
         learner = "ensemble"
     if learner == "ensemble" and members != 1:
         options["members"] = members
     elif members != 1:
         raise InputError("train", "members", f"must be 1 for {learner!r}: ensembles are of 'cnmp'", members)
-    return find_learner(learner, source="train").train(demonstrations, **options)
+    trainer = find_trainer(learner)
+    takes = inspect.signature(trainer).parameters
+    if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes.values()):
+        unknown = set(options) - set(takes) - set(defaults)
+        if unknown:
+            raise InputError("train", min(unknown), f"is not an option of the learner {learner!r}")
+        options = {name: value for name, value in options.items() if name in takes}
+    options |= {name: value for name, value in defaults.items() if name in takes and name not in options}
+    return trainer(demonstrations, **options)

@@ -68,39 +68,6 @@ class PrompLearner:
         # Shape (N, 25): how much each weight of one axis counts at each time.
         self._activations = self._weights._rbfs_1d_sequence(grid.copy()).T
 
-    @classmethod
-    def train(
-        cls, demonstrations: Demonstrations, *, preset: str = "default", weighted: bool = True, **_: Any
-    ) -> PrompLearner:
-        """Fits mean and covariance of the weights; scores, seed and time play no part.
-
-        Raises:
-            InputError: ``movement_primitives`` is not installed.
-        """
-        dataset = make_dataset(demonstrations, weighted=weighted)
-        primitive = _promp()
-        # The library scales the times that it is given in place, hence copies.
-        weights = np.array([primitive.weights(dataset.grid.copy(), path) for path in dataset.positions])
-        offsets = weights - weights.mean(axis=0)
-        learner = cls(
-            grid=dataset.grid,
-            demonstrations=dataset.positions,
-            mean=weights.mean(axis=0),
-            covariance=offsets.T @ offsets / len(weights),
-            noise=_OBSERVATION_NOISE * dataset.spread,
-            floor=_FLOOR * dataset.spread,
-            confidence_gain=1.0,
-            metadata={
-                "scenario": demonstrations.scenario,
-                "preset": preset,
-                "clock": "progress",
-                "evidence": "pose+command",
-                "training": data_record(demonstrations, dataset),
-            },
-        )
-        learner.confidence_gain = calibrate(learner, demonstrations, resolution=learner.noise)
-        return learner
-
     def to_file(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Tensors and description, as `from_file` takes them."""
         tensors = {
@@ -178,3 +145,36 @@ def _promp():
             "learner", "promp", "needs movement_primitives: pip install 'drake_shared[baselines]'"
         ) from error
     return ProMP(2, WEIGHTS_PER_AXIS)
+
+
+def train_promp(
+    demonstrations: Demonstrations, *, preset: str = "default", weighted: bool = True
+) -> PrompLearner:
+    """Fits the mean and covariance of the weights by least squares.
+
+    Raises:
+        InputError: ``movement_primitives`` is not installed.
+    """
+    dataset = make_dataset(demonstrations, weighted=weighted)
+    primitive = _promp()
+    # The library scales the times that it is given in place, hence copies.
+    weights = np.array([primitive.weights(dataset.grid.copy(), path) for path in dataset.positions])
+    offsets = weights - weights.mean(axis=0)
+    learner = PrompLearner(
+        grid=dataset.grid,
+        demonstrations=dataset.positions,
+        mean=weights.mean(axis=0),
+        covariance=offsets.T @ offsets / len(weights),
+        noise=_OBSERVATION_NOISE * dataset.spread,
+        floor=_FLOOR * dataset.spread,
+        confidence_gain=1.0,
+        metadata={
+            "scenario": demonstrations.scenario,
+            "preset": preset,
+            "clock": "progress",
+            "evidence": "pose+command",
+            "training": data_record(demonstrations, dataset),
+        },
+    )
+    learner.confidence_gain = calibrate(learner, demonstrations, resolution=learner.noise)
+    return learner

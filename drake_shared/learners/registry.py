@@ -1,32 +1,41 @@
-"""Which learners there are: those of this package, and those that others register.
+"""Which learners there are: those of this package, and those that other packages register.
 
-A learner from outside is a class with a ``name``, the methods of `drake_shared.learners.Learner`, and
+A learner of another package is registered under its name in the entry point group ``drake_shared.learners``.
+The entry point is a class whose instances are `drake_shared.learners.Learner` and which has
 
-- ``train(demonstrations, *, preset, weighted, seed, seconds, iterations, progress)``, a class method that
-  returns one,
-- ``to_file()``, which returns its tensors and a description that JSON can hold,
-- ``from_file(path, tensors, description)``, a class method that gives it back.
+- ``to_file()``, which returns its tensors and a JSON-serializable description,
+- ``from_file(path, tensors, description)``, a class method that makes it from them.
 
-It is registered under its name in the entry point group ``drake_shared.learners``.
+Its trainer is the function that the entry point of the same name in the group ``drake_shared.trainers``
+gives, or, without one, a class method ``train``. It takes demonstrations and any of the keyword arguments
+preset, weighted, seed, seconds, iterations, progress and begun, and returns an instance.
+
+Training is apart from prediction, so that a learner loads and predicts without what trains it.
 """
 
 from __future__ import annotations
 
 import importlib
 import os
+from collections.abc import Callable
 from typing import Any
 
 from drake_shared.common.entry_points import load_registered, registered_names
 from drake_shared.common.errors import InputError
+from drake_shared.learners.base import Learner
 
-GROUP = "drake_shared.learners"
+GROUP, TRAINERS = "drake_shared.learners", "drake_shared.trainers"
+_ROOM = "drake_shared.learners."
+# Of each learner of this package, where its class is and where its trainer.
 _BUILT_IN = {
-    "cesn": "drake_shared.learners.cesn.learner:CesnLearner",
-    "cnmp": "drake_shared.learners.cnmp.learner:CnmpLearner",
-    "ensemble": "drake_shared.learners.ensemble:EnsembleLearner",
-    "mixture": "drake_shared.learners.mixture.learner:MixtureLearner",
-    "promp": "drake_shared.learners.promp:PrompLearner",
+    "cesn": ("cesn.learner:CesnLearner", "cesn.training:train_cesn"),
+    "cnmp": ("cnmp.learner:CnmpLearner", "cnmp.training:train"),
+    "ensemble": ("ensemble.learner:EnsembleLearner", "ensemble.training:train_ensemble"),
+    "mixture": ("mixture.learner:MixtureLearner", "mixture.training:train_mixture"),
+    "promp": ("promp:PrompLearner", "promp:train_promp"),
 }
+
+Trainer = Callable[..., Learner]
 
 
 def learner_names() -> list[str]:
@@ -35,19 +44,38 @@ def learner_names() -> list[str]:
 
 
 def find_learner(name: str, *, source: str | os.PathLike[str] = "learner") -> Any:
-    """The class of the learner of that name.
+    """Returns the class of the learner that is registered as ``name``.
 
     Args:
-        name: As files and the command line call it.
-        source: What asked for it, for the error message.
+        name: As in files and on the command line.
+        source: Where the name comes from, for the error message.
 
     Raises:
-        InputError: There is none of that name, or what was registered cannot be imported.
+        InputError: The name is unknown, or what was registered cannot be imported.
     """
     if name in _BUILT_IN:
-        module, _, kind = _BUILT_IN[name].partition(":")
-        return getattr(importlib.import_module(module), kind)
+        return _built_in(_BUILT_IN[name][0])
     found = load_registered(GROUP, name, source=source, field="learner")
     if found is None:
         raise InputError(source, "learner", f"must be one of {', '.join(learner_names())}", repr(name))
     return found
+
+
+def find_trainer(name: str, *, source: str | os.PathLike[str] = "train") -> Trainer:
+    """Returns the function that trains the learner that is registered as ``name``; see `find_learner`.
+
+    Raises:
+        InputError: The name is unknown, what was registered cannot be imported, or it has no trainer.
+    """
+    if name in _BUILT_IN:
+        return _built_in(_BUILT_IN[name][1])
+    found = load_registered(TRAINERS, name, source=source, field="learner")
+    trainer = getattr(find_learner(name, source=source), "train", None) if found is None else found
+    if not callable(trainer):
+        raise InputError(source, "learner", f"must have a trainer: {name!r} has no class method 'train'")
+    return trainer
+
+
+def _built_in(place: str) -> Any:
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(_ROOM + module), name)

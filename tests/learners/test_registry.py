@@ -9,7 +9,7 @@ import pytest
 from drake_shared.cli.main import main
 from drake_shared.common.errors import InputError
 from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations, write_demonstrations
-from drake_shared.learners import find_learner, learner_names, load_learner
+from drake_shared.learners import find_learner, learner_names, load_learner, train
 from drake_shared.scenario import load_scenario
 from drake_shared.simulation.trial import Simulation, TrialSettings
 
@@ -84,3 +84,24 @@ def test_a_learner_from_outside_trains_saves_loads_and_drives(outside):
 def test_an_entry_point_that_fails_to_import_says_so(outside):
     with pytest.raises(InputError, match=r"'broken'.*cannot be imported.*no_such_module"):
         find_learner("broken")
+
+
+REQUIRING = """
+def train(demonstrations, *, preset, iterations):
+    from mean_learner import MeanLearner
+    assert (preset, iterations) == ("default", None)
+    return MeanLearner.train(demonstrations)
+"""
+
+
+def test_a_trainer_beside_the_class_gets_what_it_requires_and_nothing_else(outside):
+    (outside / "mean_training.py").write_text(REQUIRING)
+    with open(outside / "mean_learner-1.0.dist-info" / "entry_points.txt", "a") as file:
+        file.write("[drake_shared.trainers]\nmean = mean_training:train\n")
+    times = np.linspace(0.0, 2.0, 21)
+    item = Demonstration(times=times, positions=np.stack([times, times], axis=-1))
+    learner = train(Demonstrations(items=(item,)), learner="mean", seed=3)
+    assert type(learner).__name__ == "MeanLearner"
+    with pytest.raises(InputError, match="wings"):
+        train(Demonstrations(items=(item,)), learner="mean", wings=2)
+    sys.modules.pop("mean_training")

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drake_shared.common.arrays import path_at, read_only
-from drake_shared.demonstrations.demonstrations import Demonstrations
 from drake_shared.learners.base import check_query
 from drake_shared.learners.cesn.file import cesn_from_file, cesn_to_file
 from drake_shared.learners.cesn.model import CesnModel, at_times, encode, features, within
@@ -74,13 +73,6 @@ class CesnLearner:
         self._least = 2.0 * math.log(model.sigma_floor)
         self._most = 2.0 * math.log(model.reach)
         self._prior = self._moments()
-
-    @classmethod
-    def train(cls, demonstrations: Demonstrations, **options: Any) -> CesnLearner:
-        """Trains one; see `drake_shared.learners.cesn.training.train_cesn` for the options."""
-        from drake_shared.learners.cesn.training import train_cesn
-
-        return train_cesn(demonstrations, **options)
 
     def to_file(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Tensors and description for `save_learner`."""

@@ -52,11 +52,8 @@ def train_cesn(
     preset: str = "default",
     weighted: bool = True,
     seed: int = 0,
-    **_: Any,
 ) -> CesnLearner:
     """Trains one. The same demonstrations and seed give the same bits on the same kind of processor.
-
-    There are no iterations to bound: seconds, iterations and progress play no part.
 
     Args:
         demonstrations: At least one.

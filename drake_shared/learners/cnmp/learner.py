@@ -5,14 +5,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drake_shared.common.arrays import path_at, read_only
-from drake_shared.demonstrations.demonstrations import Demonstrations
 from drake_shared.learners.base import check_query
 from drake_shared.learners.cnmp.file import cnmp_from_file, cnmp_to_file
 from drake_shared.learners.cnmp.model import CnmpModel
@@ -70,15 +68,6 @@ class CnmpLearner:
         ]
         self._on_grid = {0: self._prepare(self.grid)}
         self._prior = self._moments()
-
-    @classmethod
-    def train(cls, demonstrations: Demonstrations, **options: Any) -> CnmpLearner:
-        """Trains one; see `drake_shared.learners.cnmp.training.train` for the options. Imports torch."""
-        # To import torch takes seconds, which count.
-        begun = perf_counter()
-        from drake_shared.learners.cnmp.training import train
-
-        return train(demonstrations, begun=begun, **options)
 
     def to_file(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Tensors and description for `save_learner`."""

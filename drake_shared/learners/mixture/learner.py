@@ -76,15 +76,6 @@ class MixtureLearner:
         ]
         self._rate = (len(self.grid) - 1) / self.duration
 
-    @classmethod
-    def train(
-        cls, demonstrations: Demonstrations, *, seconds: float | None = None, **options: Any
-    ) -> MixtureLearner:
-        """Trains one; see `drake_shared.learners.mixture.training.train_mixture`. Imports torch."""
-        from drake_shared.learners.mixture.training import train_mixture
-
-        return train_mixture(demonstrations, seconds=seconds, **options)
-
     def predict(
         self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

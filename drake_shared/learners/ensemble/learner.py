@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstrations
-from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.cnmp.file import cnmps_from_file, cnmps_to_file
 from drake_shared.learners.cnmp.learner import CnmpLearner
 from drake_shared.learners.metadata_fields import number_of
-
-SEED_STEP = 104_729
-"""From one member's seed to the next, so that ensembles of neighbouring seeds share no member."""
-MOST_MEMBERS = 100
 
 
 class EnsembleLearner:
@@ -44,40 +36,6 @@ class EnsembleLearner:
         self.demonstrations = first.demonstrations
         self.confidence_gain = confidence_gain
         self.metadata = dict(metadata)
-
-    @classmethod
-    def train(
-        cls, demonstrations: Demonstrations, *, members: int = 5, seed: int = 0, **options: Any
-    ) -> EnsembleLearner:
-        """Trains the members side by side; see `drake_shared.learners.cnmp.training.train`. Imports torch.
-
-        Args:
-            demonstrations: At least one.
-            members: From 2 to 100.
-            seed: Of the first member; the others' follow from it.
-            options: As for a single one.
-
-        Raises:
-            InputError: ``members`` is out of range, or what `train` raises.
-        """
-        begun = perf_counter()
-        if not 2 <= members <= MOST_MEMBERS:
-            raise InputError("train", "members", f"must be from 2 to {MOST_MEMBERS}", members)
-        from drake_shared.learners.cnmp.training import train_together
-
-        seeds = [seed + SEED_STEP * member for member in range(members)]
-        trained = train_together([demonstrations] * members, seeds, begun=begun, **options)
-        records = [member.metadata["training"] for member in trained]
-        own = ("seed", "restarts", "iterations", "ignores_observations", "loss")
-        record = {name: value for name, value in records[-1].items() if name not in own}
-        record |= {"seed": seed, "members": [{name: each[name] for name in own} for each in records]}
-        ensemble = cls(
-            members=trained, confidence_gain=1.0, metadata={**trained[0].metadata, "training": record}
-        )
-        # K of a member is bounded where there is nothing to doubt, and so is that of all.
-        bound = max(member.confidence_gain for member in trained)
-        ensemble.confidence_gain = min(calibrate(ensemble, demonstrations), bound)
-        return ensemble
 
     def predict(
         self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike

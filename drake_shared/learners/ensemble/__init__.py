@@ -1,0 +1,1 @@
+"""An ensemble of CNMPs: what its members disagree about is uncertain."""
