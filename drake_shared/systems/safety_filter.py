@@ -1,4 +1,4 @@
-"""What lies between the command and the robot: it changes as little as keeps the robot clear of obstacles."""
+"""Safety filter: changes a wheel command as little as possible to keep the robot clear of obstacles."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from pydrake.geometry import GeometryId, QueryObject, Role, SignedDistanceToPoin
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from drake_shared.arbitration.safety.barrier import safe_command
-from drake_shared.arbitration.safety.drift import Way
+from drake_shared.arbitration.safety.obstacle_motion import ObstaclePath
 from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive
 from drake_shared.scenario.obstacles import Obstacle
 
-_LEAST_CLEARANCE, _MOST_CLEARANCE = 0.001, 1.0
+_MIN_CLEARANCE, _MAX_CLEARANCE = 0.001, 1.0
 
 
 class SafetyFilter(LeafSystem):
-    """Passes a wheel command on, changed by the least that keeps a set clearance to every obstacle.
+    """Discrete-time control barrier function for a differential drive, with full braking as the backup.
 
     .. pydrake_system::
 
@@ -35,43 +35,42 @@ class SafetyFilter(LeafSystem):
         - safe_command
         - intervention
 
+    A command is safe if, after one period of it, full braking of both wheels keeps the clearance to every
+    obstacle. :func:`drake_shared.arbitration.safety.barrier.safe_command` finds the nearest safe command. The
+    plant must ramp its wheels as :class:`DiffDrivePlant` does and take a new command once per period.
+
     Inputs:
-        pose (3): [x, y, yaw] in [m, m, rad], world frame. Where it is no number nobody knows what is safe,
-            and the robot is braked.
+        pose (3): [x, y, yaw] in [m, m, rad], world frame. If it is not finite the robot is braked.
         wheel_speed (2): [left, right] in [rad/s].
-        wheel_command (2): [left, right] in [rad/s], wanted. What is no number counts as zero.
-        geometry_query: QueryObject of a SceneGraph with convex obstacles, that stand still or move as told.
+        wheel_command (2): Desired [left, right] in [rad/s]. NaN and infinite values count as zero.
+        geometry_query: QueryObject of a SceneGraph with convex obstacles.
 
     Outputs:
-        safe_command (2): [left, right] in [rad/s]. Bit for bit the one wanted, where that is safe; else
-            wheel speeds that can be reached in one period. Feeds through.
-        intervention (2): What was changed, safe_command - wheel_command, in [rad/s]. Feeds through.
-
-    A command is safe if, after one period of it, braking both wheels as hard as they can still ends with the
-    clearance to every obstacle kept: a control barrier function in discrete time, with full braking as the
-    backup. :func:`drake_shared.arbitration.safety.barrier.safe_command` says how the nearest is found. It
-    needs a plant that ramps as :class:`DiffDrivePlant` does and takes a new command once a period.
-
-    Of obstacles that stand still it promises that none is touched, and the clearance kept, from wherever
-    full braking does so. An obstacle that moves can come upon a robot at rest, so of these it promises less.
-    It looks ahead for as long as braking from full speed takes. Where the robot, braking at once and then at
-    rest, keeps the clearance for that time, so does what it lets through; where braking comes nearer, that
-    comes no nearer in that time. Where the obstacle meets the robot even if it brakes, the robot is not
-    driven against the place where the obstacle is by then: it stands, or is driven away or out of the way, as
-    it is told. Farther ahead it does not look: a robot may come to rest where an obstacle will pass.
+        safe_command (2): [left, right] in [rad/s]. Equal to wheel_command, bit for bit, if that is safe;
+            otherwise wheel speeds that can be reached in one period. Feeds through.
+        intervention (2): safe_command - wheel_command, in [rad/s]. Feeds through.
 
     Parameters (of the Context):
         clearance: In [m]; see :meth:`set_clearance`.
 
+    Static obstacles are never touched, and the clearance is kept from every state from which full braking
+    keeps it. A moving obstacle can hit a robot at rest, so the guarantee there is weaker. The prediction
+    horizon is the time that braking from full speed takes. If immediate braking keeps the clearance within
+    the horizon, so does the safe command; if braking comes nearer, the safe command comes no nearer than
+    braking does. If an obstacle hits the robot even under full braking, the robot does not drive towards the
+    place of the contact: it stands, or moves away or out of the path as commanded. Nothing beyond the horizon
+    is predicted: a robot may come to rest where an obstacle will pass later.
+
     Args:
-        robot: Sizes and limits.
+        robot: Dimensions and limits.
         clearance: Between body and obstacles, in [m]; the default of the parameter.
-        period: Of the plant's update, in [s].
-        obstacles: Those that move are expected on their paths, at the time of the Context, and known in the
-            SceneGraph by their names. Any other is taken to stand where it is.
+        period: Update period of the plant, in [s].
+        obstacles: Those with a path are predicted along it, at the time of the Context, and are identified in
+            the SceneGraph by their names. All others are treated as static.
 
     Raises:
         InputError: The clearance is not from 0.001 to 1 m.
+        ValueError: The period is not positive and finite.
     """
 
     def __init__(
@@ -88,7 +87,7 @@ class SafetyFilter(LeafSystem):
         check_clearance(clearance)
         self._robot = robot
         self._period = period
-        self._ways = {item.name: _way(item) for item in obstacles if item.path}
+        self._paths = {item.name: _path(item) for item in obstacles if item.path}
         self._pose_port = self.DeclareVectorInputPort("pose", 3)
         self._speed_port = self.DeclareVectorInputPort("wheel_speed", 2)
         self._command_port = self.DeclareVectorInputPort("wheel_command", 2)
@@ -98,10 +97,10 @@ class SafetyFilter(LeafSystem):
         self.DeclareVectorOutputPort("intervention", 2, self._calc_intervention)
 
     def set_clearance(self, context: Context, clearance: float | None) -> None:
-        """Sets the clearance to keep, in [m]; None switches the filter off.
+        """Sets the clearance to keep, in [m]; None disables the filter.
 
         Raises:
-            InputError: It is not from 0.001 to 1 m.
+            InputError: The clearance is not from 0.001 to 1 m.
         """
         if clearance is not None:
             check_clearance(clearance)
@@ -110,7 +109,7 @@ class SafetyFilter(LeafSystem):
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         clearance = context.get_numeric_parameter(self._clearance_index)[0]
-        left, right = self._wanted(context)
+        left, right = self._desired(context)
         if math.isfinite(clearance):
             x, y, yaw = self._pose_port.Eval(context).tolist()
             if not math.isfinite(x + y + yaw):
@@ -124,42 +123,42 @@ class SafetyFilter(LeafSystem):
                 (wheel_left, wheel_right),
                 (left, right),
                 clearance=clearance,
-                nearby=functools.partial(_nearby, query),
+                query=functools.partial(_query_distances, query),
                 period=self._period,
-                moving=self._moving(query) if self._ways else None,
-                now=context.get_time(),
+                moving=self._moving(query) if self._paths else None,
+                time=context.get_time(),
             )
         output.set_value([left, right])
 
     def _calc_intervention(self, context: Context, output: BasicVector) -> None:
-        output.set_value(self._safe_port.Eval(context) - self._wanted(context))
+        output.set_value(self._safe_port.Eval(context) - self._desired(context))
 
-    def _moving(self, query: QueryObject) -> dict[GeometryId, Way]:
-        """The ways of the obstacles that move, by what can be felt of them."""
+    def _moving(self, query: QueryObject) -> dict[GeometryId, ObstaclePath]:
+        """Paths of the moving obstacles by their proximity geometries."""
         inspector = query.inspector()
-        felt = ((name, inspector.GetName(name)) for name in inspector.GetAllGeometryIds(Role.kProximity))
-        return {name: self._ways[called] for name, called in felt if called in self._ways}
+        names = {id: inspector.GetName(id) for id in inspector.GetAllGeometryIds(Role.kProximity)}
+        return {id: self._paths[name] for id, name in names.items() if name in self._paths}
 
-    def _wanted(self, context: Context) -> tuple[float, float]:
+    def _desired(self, context: Context) -> tuple[float, float]:
         left, right = self._command_port.Eval(context).tolist()
         return left if math.isfinite(left) else 0.0, right if math.isfinite(right) else 0.0
 
 
 def check_clearance(clearance: float, *, source: str = "safety filter") -> None:
-    """Makes sure that ``clearance``, in [m], is one that can be kept.
+    """Checks that ``clearance``, in [m], is within the range that the filter supports.
 
     Raises:
-        InputError: It is not from 0.001 to 1 m.
+        InputError: The clearance is not from 0.001 to 1 m.
     """
-    if not _LEAST_CLEARANCE <= clearance <= _MOST_CLEARANCE:
-        expected = f"must be from {_LEAST_CLEARANCE} to {_MOST_CLEARANCE:g} m"
+    if not _MIN_CLEARANCE <= clearance <= _MAX_CLEARANCE:
+        expected = f"must be from {_MIN_CLEARANCE} to {_MAX_CLEARANCE:g} m"
         raise InputError(source, "clearance", expected, clearance)
 
 
-def _way(obstacle: Obstacle) -> Way:
+def _path(obstacle: Obstacle) -> ObstaclePath:
     times, xs, ys = np.transpose(obstacle.path)
     return times, xs + 1j * ys
 
 
-def _nearby(query: QueryObject, x: float, y: float, reach: float) -> list[SignedDistanceToPoint]:
-    return query.ComputeSignedDistanceToPoint(np.array([x, y, 0.0]), reach)
+def _query_distances(query: QueryObject, x: float, y: float, distance: float) -> list[SignedDistanceToPoint]:
+    return query.ComputeSignedDistanceToPoint(np.array([x, y, 0.0]), distance)

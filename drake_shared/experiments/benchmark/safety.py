@@ -60,7 +60,7 @@ class _State:
             self.wheels,
             self.command,
             clearance=_CLEARANCE,
-            nearby=self.look,
+            query=self.look,
             period=setting.scenario.control_period,
         )
 
