@@ -1,4 +1,4 @@
-"""The web page on which a person drives: server, page, driver's seat, and trials in real time."""
+"""The web page on which a person drives: server, page, driver lock, and trials in real time."""
 
 from drake_shared.cockpit.drive import drive, open_session
 from drake_shared.cockpit.driver_lock import DriverLock

@@ -1,86 +1,75 @@
-"""The pages that look on, each told the newest of every topic and never waited for."""
+"""Sends the newest message of every topic to all connected pages, without waiting for slow ones."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
 
 from aiohttp import WSCloseCode, web
 
-_FAREWELL = 2.0
+_CLOSE_TIMEOUT = 2.0
 
 
-class Page:
-    """One page's connection, with the newest of each topic that it has not been sent yet."""
+class PageConnection:
+    """The websocket of one page, with the newest unsent message of each topic."""
 
-    def __init__(self, connection: web.WebSocketResponse, transport: asyncio.Transport | None) -> None:
-        self._connection = connection
+    def __init__(self, websocket: web.WebSocketResponse, transport: asyncio.Transport | None) -> None:
+        self._websocket = websocket
         self._transport = transport
         self._unsent: dict[str, str] = {}
-        self._wake = asyncio.Event()
+        self._has_unsent = asyncio.Event()
 
-    def tell(self, topic: str, text: str) -> None:
-        """Has ``text`` sent, in place of what is still unsent of ``topic``."""
+    def send_soon(self, topic: str, text: str) -> None:
+        """Queues ``text``, which replaces an unsent message of the same topic."""
         self._unsent[topic] = text
-        self._wake.set()
+        self._has_unsent.set()
 
-    async def write(self) -> None:
-        """Sends what there is to tell, until the connection is closed."""
+    async def send_queued(self) -> None:
+        """Sends queued messages until the connection is closed."""
         while True:
-            await self._wake.wait()
-            self._wake.clear()
+            await self._has_unsent.wait()
+            self._has_unsent.clear()
             while self._unsent:
                 topic = next(iter(self._unsent))
                 try:
-                    await self._connection.send_str(self._unsent.pop(topic))
+                    await self._websocket.send_str(self._unsent.pop(topic))
                 except ConnectionError:
                     return
 
     async def close(self, code: int, reason: str) -> None:
-        """Closes the connection and says why, but waits for nobody who does not listen."""
+        """Closes the connection with a reason; aborts it if the page does not answer in time."""
         try:
-            async with asyncio.timeout(_FAREWELL):
-                await self._connection.close(code=code, message=reason.encode()[:120])
+            async with asyncio.timeout(_CLOSE_TIMEOUT):
+                await self._websocket.close(code=code, message=reason.encode()[:120])
         except TimeoutError:
             if self._transport is not None:
                 self._transport.abort()
 
 
-class Audience:
-    """All pages, by the numbers that they are known by, and the last that was said of each topic."""
+class Broadcast:
+    """All connected pages by their numbers, and the last message of each topic."""
 
     def __init__(self) -> None:
-        self._pages: dict[int, Page] = {}
+        self.pages: dict[int, PageConnection] = {}
         self._latest: dict[str, str] = {}
 
-    def __len__(self) -> int:
-        return len(self._pages)
-
-    def __iter__(self) -> Iterator[tuple[int, Page]]:
-        return iter(list(self._pages.items()))
-
-    def add(self, number: int, page: Page) -> None:
-        """Takes a page in, and tells it how things stand."""
-        self._pages[number] = page
+    def add(self, number: int, page: PageConnection) -> None:
+        """Adds a page and sends it the last message of every topic."""
+        self.pages[number] = page
         for topic, text in self._latest.items():
-            page.tell(topic, text)
+            page.send_soon(topic, text)
 
-    def remove(self, number: int) -> None:
-        """Forgets a page."""
-        del self._pages[number]
-
-    def tell(self, topic: str, text: str) -> None:
-        """Tells every page, and those to come."""
+    def send_soon(self, topic: str, text: str) -> None:
+        """Queues ``text`` for every page, including those that connect later."""
         self._latest[topic] = text
-        for page in self._pages.values():
-            page.tell(topic, text)
+        for page in self.pages.values():
+            page.send_soon(topic, text)
 
     async def close(self, number: int, code: int, reason: str) -> None:
-        """Closes one page's connection, if it is still there."""
-        if number in self._pages:
-            await self._pages[number].close(code, reason)
+        """Closes the connection of one page, if it is still connected."""
+        if number in self.pages:
+            await self.pages[number].close(code, reason)
 
     async def close_all(self) -> None:
-        """Closes every connection: the program ends."""
-        pages = self._pages.values()
+        """Closes all connections because the program ends."""
+        pages = self.pages.values()
         await asyncio.gather(*(page.close(WSCloseCode.GOING_AWAY, "ended") for page in pages))

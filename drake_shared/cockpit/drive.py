@@ -1,4 +1,4 @@
-"""The main job: serves the page and runs trials on it until told to stop."""
+"""Serves the page and runs trials on it until interrupted."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.scene_drawing import draw_scene, look_from_above
 from drake_shared.simulation.trial import Simulation, Trial
-from drake_shared.systems.mouse_input import MouseInput, MouseSource
+from drake_shared.systems.mouse_input import MouseInput
 
 OPERATORS = ("mouse", "surrogate")
 
-# Python hands control from thread to thread at this interval, in [s]; the usual 5 ms would be felt.
+# Interval at which Python switches threads, in [s]; the default of 5 ms would add noticeable delay.
 _SWITCH_INTERVAL = 0.0005
 
 
@@ -50,21 +50,21 @@ def drive(
 ) -> None:
     """Serves the page and runs trials in real time, one after another, until interrupted.
 
-    The page's address goes to standard output, key included, and messages to standard error. SIGINT and
-    SIGTERM end it where it runs in the main thread: the trial under way is kept first.
+    The page's address, key included, is printed to standard output, messages to standard error. In the main
+    thread SIGINT and SIGTERM end the session, after the current trial is saved.
 
     Args:
         scenario: The task.
-        learner: Predicts intentions; the person drives alone without one.
-        operator: "mouse" for a person at the page, "surrogate" for a simulated operator to look at.
-        assist: Whether the agent takes part at first; the page can switch it.
+        learner: Predicts intentions; if None, the person drives alone.
+        operator: "mouse" for a person at the page, "surrogate" for a simulated operator.
+        assist: Whether the agent takes part in the first trial; the page can switch it.
         authority: What is left to the human; as for :class:`drake_shared.simulation.trial.Simulation`.
-        safety_clearance: Kept by a safety filter, in [m]; without one if None.
-        record: Folder for the logs; nothing is kept if None.
-        host: Address to listen on; loopback unless said otherwise.
-        port: Port to listen on; 0 for any that is free.
+        safety_clearance: Clearance that a safety filter keeps, in [m]; no filter if None.
+        record: Folder for the logs; if None, nothing is saved.
+        host: Address to listen on.
+        port: Port to listen on; 0 takes any free port.
         open_browser: Whether to open the page in this computer's browser, if it has a display.
-        on_trial: Given every trial that is over; returns True to end.
+        on_trial: Called with every finished trial; the session ends when it returns True.
 
     Raises:
         InputError: The operator is unknown, the folder cannot be written to, or the port is in use.
@@ -83,7 +83,7 @@ def drive(
         interrupted=interrupted,
         on_trial=on_trial,
     )
-    with _ends_on_signals(interrupted), session as opened:
+    with _set_on_signals(interrupted), session as opened:
         address = opened.server.address
         print(address, flush=True)
         if open_browser and _has_display():
@@ -96,7 +96,7 @@ def open_session(
     scenario: Scenario,
     learner: Learner | None = None,
     *,
-    operator: str | Callable[[MouseSource], LeafSystem] = "mouse",
+    operator: str | Callable[[DriverLock], LeafSystem] = "mouse",
     assist: bool = True,
     authority: Authority | bool | None = None,
     safety_clearance: float | None = None,
@@ -104,36 +104,47 @@ def open_session(
     host: str = "127.0.0.1",
     port: int = 0,
     interrupted: threading.Event | None = None,
-    say: Callable[[str], None] = lambda message: print(message, file=sys.stderr, flush=True),
+    report: Callable[[str], None] = lambda message: print(message, file=sys.stderr, flush=True),
     on_trial: Callable[[Trial], bool | None] = lambda _: None,
 ) -> Iterator[Session]:
     """Starts the server, builds the simulation, and yields the session, ready to run.
 
-    All of it, and the session's ``run``, must happen in one thread: Meshcat refuses any other.
+    Use it in place of :func:`drive` for an operator of your own, or to run a session in another thread. The
+    context manager and the session's ``run`` must be used in the same thread, as Meshcat requires.
 
     Args:
-        operator: As for :func:`drive`, or what makes an operator that reads the driver's seat.
+        scenario, learner, assist, authority, safety_clearance, record, host, port, on_trial: See
+            :func:`drive`.
+        operator: As for :func:`drive`, or a function that returns the operator: a LeafSystem with a vector
+            output port ``human_command``, in wheel speeds [rad/s], that has no direct feedthrough. The
+            function is called once with the :class:`DriverLock`, whose ``latest()`` is the newest sample
+            of the page. A subclass of MouseInput is driven from the page, trial by trial; with any other
+            operator trials follow one another, and the pages watch.
         interrupted: Ends the session when set, from any thread.
-        say: Takes messages for the person at the keyboard.
+        report: Called with messages for the user.
 
-    The others, and what is raised, are those of :func:`drive`.
+    Yields:
+        The session; its ``run`` returns when the session ends.
+
+    Raises:
+        InputError: See :func:`drive`.
     """
     if isinstance(operator, str) and operator not in OPERATORS:
         raise InputError("operator", "", f"must be one of {', '.join(OPERATORS)}", repr(operator))
     if record is not None:
         check_writable(record)
-    seat = DriverLock(open=operator != "surrogate", assist=assist and learner is not None)
+    driver_lock = DriverLock(enabled=operator != "surrogate", assist=assist and learner is not None)
     meshcat = start_meshcat()
-    server = CockpitServer(meshcat_url=meshcat.web_url(), seat=seat, host=host, port=port)
-    with server, _quick_threads():
+    server = CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=driver_lock, host=host, port=port)
+    with server, _low_latency():
         if operator == "mouse":
-            driver: LeafSystem | None = MouseInput(robot=scenario.robot, source=seat)
+            system: LeafSystem | None = MouseInput(robot=scenario.robot, source=driver_lock)
         else:
-            driver = operator(seat) if callable(operator) else None
+            system = operator(driver_lock) if callable(operator) else None
         simulation = Simulation(
             scenario,
             learner=learner,
-            operator=driver,
+            operator=system,
             authority=authority,
             safety_clearance=safety_clearance,
             meshcat=meshcat,
@@ -146,13 +157,13 @@ def open_session(
             server=server,
             interrupted=interrupted or threading.Event(),
             record=None if record is None else Path(record),
-            say=say,
+            report=report,
             on_trial=on_trial,
         )
 
 
 @contextlib.contextmanager
-def _ends_on_signals(interrupted: threading.Event) -> Iterator[None]:
+def _set_on_signals(interrupted: threading.Event) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -167,8 +178,8 @@ def _ends_on_signals(interrupted: threading.Event) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _quick_threads() -> Iterator[None]:
-    """Keeps the simulation and the server from waiting for each other, for BLAS or for the collector."""
+def _low_latency() -> Iterator[None]:
+    """Avoids delays by thread switching, BLAS threads and garbage collection."""
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_INTERVAL)
     gc.collect()
@@ -182,5 +193,5 @@ def _quick_threads() -> Iterator[None]:
 
 
 def _has_display() -> bool:
-    """Whether a browser that opens would be seen; text browsers would take over the terminal."""
+    """Returns whether a browser can open a window; a text browser would take over the terminal."""
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,4 +1,4 @@
-"""The driver's seat: one page has it at a time, and its newest sample is what MouseInput reads."""
+"""The driver lock: at most one page holds it, and its newest sample is what MouseInput reads."""
 
 from __future__ import annotations
 
@@ -10,90 +10,96 @@ from collections.abc import Callable
 from drake_shared.cockpit.messages import Move
 from drake_shared.systems.mouse_input import MouseSample, StickSettings
 
-SILENT_AFTER = 2.0
-"""Silence of the driver's page, in [s], after which it loses the seat."""
+LOST_AFTER = 2.0
+"""Time without a message from the driver's page, in [s], after which the page loses the lock."""
 
-LET_GO = "stopped"
-"""The driver let go of the controls."""
+RELEASED = "stopped"
+"""Reason for the end of an engagement: the driver released the controls."""
 LOST = "page_closed"
-"""The driver's page was closed, reloaded or fell silent."""
+"""Reason for the end of an engagement: the driver's page was closed, reloaded or stopped sending."""
 
-_REMEMBERED = 16
+_KEPT_REASONS = 16
 
 
 class DriverLock:
-    """Hands out the single driver's seat, and keeps what its holder says. Safe to use from any thread.
+    """Lets one page at a time drive, and keeps its newest sample. Thread-safe.
 
-    It is a :class:`~drake_shared.systems.mouse_input.MouseSource`. Each time that a page takes the seat
-    is an engagement of its own, numbered from 1. Pages are known by a number that the server gives them.
+    It implements :class:`~drake_shared.systems.mouse_input.MouseSource`, so a :class:`MouseInput` reads it
+    directly. :class:`~drake_shared.cockpit.server.CockpitServer` calls :meth:`engage`, :meth:`move` and
+    :meth:`release` for the pages, which it identifies by integers. A program that drives without a browser
+    may call them itself.
+
+    An *engagement* lasts from the moment at which a page acquires the lock until the lock is free again.
+    Engagements are numbered from 1. After each of them the driver must engage again.
 
     Args:
-        open: Whether anybody may take the seat at all.
-        assist: Whether the agent takes part.
-        silent_after: Silence after which :meth:`expire` frees the seat, in [s].
-        clock: Time in [s]; stamps samples.
+        enabled: Whether pages may acquire the lock at all.
+        assist: Whether the agent takes part in the control.
+        lost_after: Time without a sample after which :meth:`expire` frees the lock, in [s].
+        clock: Returns the time in [s], with which samples are stamped. It must be the clock of MouseInput.
     """
 
     def __init__(
         self,
         *,
-        open: bool = True,
+        enabled: bool = True,
         assist: bool = True,
-        silent_after: float = SILENT_AFTER,
+        lost_after: float = LOST_AFTER,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._lock = threading.Lock()
-        self._open = open
-        self._silent_after = silent_after
+        self._mutex = threading.Lock()
+        self._enabled = enabled
+        self._lost_after = lost_after
         self._clock = clock
         self._holder: int | None = None
         self._sample = MouseSample()
         self._assist = assist
-        self._departures: dict[int, str] = {}
+        self._reasons: dict[int, str] = {}
         self._listeners: list[Callable[[], None]] = []
 
     def latest(self) -> MouseSample:
-        """The newest sample; never waits, as samples are replaced whole."""
+        """Returns the newest sample. Never blocks, since samples are immutable and replaced as a whole."""
         return self._sample
 
     def age(self) -> float:
-        """Time since the newest sample came, in [s]."""
+        """Returns the time since the newest sample arrived, in [s]."""
         return self._clock() - self._sample.arrival
 
     @property
-    def open(self) -> bool:
-        """Whether anybody may take the seat at all."""
-        return self._open
+    def enabled(self) -> bool:
+        """Whether pages may acquire the lock at all."""
+        return self._enabled
 
     @property
     def holder(self) -> int | None:
-        """The page that drives, if one does."""
+        """The page that drives, or None."""
         return self._holder
 
     @property
     def assist(self) -> bool:
-        """Whether the agent is to take part in the next trial."""
+        """Whether the agent takes part from the next trial on."""
         return self._assist
 
-    def departure(self, engagement: int) -> str | None:
-        """Why ``engagement`` is over: LET_GO, LOST, or what :meth:`vacate` was told; None while it lasts.
+    def end_reason(self, engagement: int) -> str | None:
+        """Returns why ``engagement`` ended: RELEASED, LOST or the argument of :meth:`revoke`.
 
-        The reasons of the last few are remembered; of those before, only that they are over.
+        None while the engagement lasts. Only the reasons of the last 16 engagements are kept; for earlier
+        ones the result is LOST.
         """
-        over = engagement < self._sample.engagement
-        return self._departures.get(engagement, LOST if over else None)
+        ended = engagement < self._sample.engagement
+        return self._reasons.get(engagement, LOST if ended else None)
 
-    def listen(self, listener: Callable[[], None]) -> None:
-        """Calls ``listener``, in whatever thread, after every change of the seat or of a setting."""
+    def add_listener(self, listener: Callable[[], None]) -> None:
+        """Calls ``listener`` after every change of the holder or of a setting, in the thread that made it."""
         self._listeners.append(listener)
 
     def engage(self, page: int) -> bool:
-        """Gives the seat to ``page`` if it is free, and tells whether it now has it."""
-        with self._lock:
-            # Who asks twice, having heard late of the first answer, has it and is not refused.
+        """Gives the lock to ``page`` if it is free. Returns whether ``page`` holds it now."""
+        with self._mutex:
+            # A page may repeat its request before the first answer arrives.
             if page == self._holder:
                 return True
-            if not self._open or self._holder is not None:
+            if not self._enabled or self._holder is not None:
                 return False
             self._holder = page
             self._sample = MouseSample(
@@ -102,12 +108,12 @@ class DriverLock:
                 arrival=self._clock(),
                 stick=self._sample.stick,
             )
-        self._tell()
+        self._notify()
         return True
 
     def move(self, page: int, move: Move) -> None:
-        """Takes a sample from ``page``; one that does not drive is not heard."""
-        with self._lock:
+        """Stores a sample from ``page``. Ignored unless ``page`` holds the lock."""
+        with self._mutex:
             if page == self._holder:
                 self._sample = dataclasses.replace(
                     self._sample,
@@ -118,58 +124,58 @@ class DriverLock:
                     arrival=self._clock(),
                 )
 
-    def leave(self, page: int, why: str) -> None:
-        """Frees the seat if ``page`` has it; ``why`` is LET_GO or LOST."""
-        with self._lock:
+    def release(self, page: int, reason: str = RELEASED) -> None:
+        """Frees the lock if ``page`` holds it; ``reason`` is RELEASED or LOST."""
+        with self._mutex:
             if page != self._holder:
                 return
-            self._free(why)
-        self._tell()
+            self._free(reason)
+        self._notify()
 
-    def vacate(self, why: str) -> None:
-        """Frees the seat, whoever has it: the trial is over. The next needs a fresh click."""
-        with self._lock:
+    def revoke(self, reason: str) -> None:
+        """Frees the lock whoever holds it, for instance because the trial is over."""
+        with self._mutex:
             if self._holder is None:
                 return
-            self._free(why)
-        self._tell()
+            self._free(reason)
+        self._notify()
 
     def expire(self) -> int | None:
-        """Frees the seat if its page has been silent for too long, and says which page that was."""
-        with self._lock:
+        """Frees the lock if its holder has sent nothing for ``lost_after``. Returns that page, or None."""
+        with self._mutex:
             page = self._holder
-            if page is None or self._clock() - self._sample.arrival <= self._silent_after:
+            if page is None or self.age() <= self._lost_after:
                 return None
             self._free(LOST)
-        self._tell()
+        self._notify()
         return page
 
     def set_stick(self, page: int, stick: StickSettings) -> bool:
-        """Changes the stick, from the next sample on, and tells whether ``page`` was entitled to."""
-        with self._lock:
+        """Changes the stick's settings at once. Returns False if another page holds the lock."""
+        with self._mutex:
             if self._holder not in (None, page):
                 return False
             self._sample = dataclasses.replace(self._sample, stick=stick)
-        self._tell()
+        self._notify()
         return True
 
     def set_assist(self, page: int, on: bool) -> bool:
-        """Switches the agent's part for trials to come, and tells whether ``page`` was entitled to."""
-        with self._lock:
+        """Switches the agent from the next trial on. Returns False if another page holds the lock."""
+        with self._mutex:
             if self._holder not in (None, page):
                 return False
             self._assist = on
-        self._tell()
+        self._notify()
         return True
 
-    def _free(self, why: str) -> None:
+    def _free(self, reason: str) -> None:
         engagement = self._sample.engagement
-        self._departures[engagement] = why
-        self._departures.pop(engagement - _REMEMBERED, None)
+        self._reasons[engagement] = reason
+        self._reasons.pop(engagement - _KEPT_REASONS, None)
         self._holder = None
-        # The counters stay: a log keeps the last that was known.
+        # The counters stay: a log keeps the last known values.
         self._sample = dataclasses.replace(self._sample, engaged=False, forward=0.0, turn=0.0)
 
-    def _tell(self) -> None:
+    def _notify(self) -> None:
         for listener in self._listeners:
             listener()

@@ -1,4 +1,4 @@
-"""Watches over a person's trial: when it starts, and what happens when the driver is lost."""
+"""Supervises the driver during a trial: waits for the first move, brakes when the driver is lost."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from drake_shared.simulation.trial import RunningTrial
 from drake_shared.systems.mouse_input import STALE_AFTER
 
 INTERRUPTED = "interrupted"
-"""Status of a trial during which the program was told to end."""
+"""Status of a trial during which the program was asked to end."""
 
-_LOOK = 0.002
-_REST = 1e-6
+_POLL_PERIOD = 0.002
+_REST_SPEED = 1e-6
 
 
 class DriverWatch:
-    """Looks after one engagement of a driver in one trial.
+    """Supervises one engagement of a driver during one trial.
 
-    :class:`MouseInput` makes the human command zero by itself as soon as the driver is gone or silent. The
-    agent must not drive on alone then, so the control goes to the human entirely, and the robot brakes.
+    :class:`MouseInput` outputs a zero command as soon as the driver is lost. The agent must not drive on
+    alone then, so this gives the whole control to the human, and the robot brakes.
 
     Args:
-        seat: The driver's seat.
+        driver_lock: The driver lock.
         engagement: The engagement that drives this trial.
         running: The trial.
-        interrupted: Set when the program is told to end.
+        interrupted: Set when the program is asked to end.
     """
 
     def __init__(
-        self, seat: DriverLock, engagement: int, running: RunningTrial, interrupted: threading.Event
+        self, driver_lock: DriverLock, engagement: int, running: RunningTrial, interrupted: threading.Event
     ) -> None:
-        self._seat = seat
+        self._driver_lock = driver_lock
         self._engagement = engagement
         self._running = running
         self._interrupted = interrupted
@@ -41,37 +41,37 @@ class DriverWatch:
         self._wheels_context = parts.plant.GetMyContextFromRoot(running.root)
 
     @property
-    def departed(self) -> bool:
-        """Whether the driver is gone."""
-        return self._seat.departure(self._engagement) is not None
+    def end_reason(self) -> str | None:
+        """Why the engagement ended, or None while it lasts."""
+        return self._driver_lock.end_reason(self._engagement)
 
     def wait_for_move(self) -> bool:
-        """Waits for the driver's first move, on which the clock starts, and tells whether there was one."""
-        while not self.departed:
-            sample = self._seat.latest()
-            pushed = max(abs(sample.forward), abs(sample.turn)) > sample.stick.dead_zone
-            if sample.engagement == self._engagement and (sample.x or sample.y or pushed):
+        """Waits for the driver's first move, at which the trial starts. Returns False if there is none."""
+        while self.end_reason is None:
+            sample = self._driver_lock.latest()
+            deflected = max(abs(sample.forward), abs(sample.turn)) > sample.stick.dead_zone
+            if sample.engagement == self._engagement and (sample.x or sample.y or deflected):
                 return True
-            if self._interrupted.wait(_LOOK):
+            if self._interrupted.wait(_POLL_PERIOD):
                 break
         return False
 
-    def watch(self) -> str | None:
-        """Why the trial ends now, or None. While nothing is heard of the driver the robot brakes."""
+    def check_driver(self) -> str | None:
+        """Returns why the trial ends now, or None. While the driver's samples are stale the robot brakes."""
         if self._interrupted.is_set():
             return INTERRUPTED
-        departure = self._seat.departure(self._engagement)
-        heard = departure is None and self._seat.age() <= STALE_AFTER
-        self._set_mode(self._running.settings.mode if heard else "human")
-        return departure
+        reason = self.end_reason
+        present = reason is None and self._driver_lock.age() <= STALE_AFTER
+        self._set_mode(self._running.settings.mode if present else "human")
+        return reason
 
-    def judge_braking(self) -> str | None:
-        """Something once the wheels are at rest, else None."""
+    def check_rest(self) -> str | None:
+        """Returns "at rest" once the wheels are at rest, else None."""
         wheels = self._wheels_port.Eval(self._wheels_context)
-        return "at rest" if max(abs(wheels)) <= _REST else None
+        return "at rest" if max(abs(wheels)) <= _REST_SPEED else None
 
     def _set_mode(self, mode: str) -> None:
-        # A parameter that is set, even to what it was, makes Drake compute everything anew.
+        # Setting a parameter, even to the same value, invalidates Drake's cache.
         if mode != self._mode:
             blender = self._running.simulation.parts.blender
             blender.set_mode(blender.GetMyMutableContextFromRoot(self._running.root), mode)

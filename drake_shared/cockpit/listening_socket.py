@@ -1,4 +1,4 @@
-"""A socket to listen on, or a word why there is none."""
+"""Opens a listening socket, with clear errors."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from drake_shared.common.errors import InputError
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A listening socket on ``host`` and ``port``; 0 takes any port that is free.
+    """Returns a socket that listens on ``host`` and ``port``; port 0 takes any free port.
 
     Raises:
-        InputError: The port is in use or none, or the address is not one of this computer.
+        InputError: The port is in use or out of range, or the address is not one of this computer.
     """
     if not 0 <= port <= 65535:
         raise InputError("--port", "", "must be from 0 to 65535", port)
@@ -20,7 +20,7 @@ def listen(host: str, port: int) -> socket.socket:
         family, *_, address = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM)[0]
         listener = socket.socket(family, socket.SOCK_STREAM)
     except OSError as error:
-        raise InputError(f"--host {host}", "", f"must be an address of this computer ({error})") from error
+        raise _bad_host(host, error) from error
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(address)
@@ -30,5 +30,9 @@ def listen(host: str, port: int) -> socket.socket:
         if error.errno == errno.EADDRINUSE:
             expected = f"is in use on {host}; choose another with --port"
             raise InputError(f"port {port}", "", expected) from error
-        raise InputError(f"--host {host}", "", f"must be an address of this computer ({error})") from error
+        raise _bad_host(host, error) from error
     return listener
+
+
+def _bad_host(host: str, error: OSError) -> InputError:
+    return InputError(f"--host {host}", "", f"must be an address of this computer ({error})")

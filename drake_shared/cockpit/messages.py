@@ -1,38 +1,37 @@
-"""What a page may say on its websocket, and nothing else."""
+"""The messages that a page may send on its websocket; see docs/websocket_protocol.md."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from typing import Any
 
 from drake_shared.systems.mouse_input import StickSettings
 
 MAX_BYTES = 1024
-"""Longest message that a page may send."""
+"""Largest size of a message from a page, in bytes."""
 
 
-class BadMessage(ValueError):  # noqa: N818 (it is not an error of ours)
-    """A message that no page of ours sends; its text says what is wrong with it."""
+class MessageError(ValueError):
+    """A message violates the protocol; the text names the violation."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Engage:
-    """Wants the driver's seat."""
+    """Requests the driver lock."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Release:
-    """Lets go of the controls, which stops the trial."""
+    """Releases the driver lock, which stops the trial."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Move:
-    """Where mouse, keys and gamepad are; sent at every move, and every 50 ms as a sign of life.
+    """State of mouse, keys and gamepad; sent at every change, and every 50 ms as a heartbeat.
 
-    ``x`` (right) and ``y`` (down the screen) are counts since the page engaged; ``forward`` and ``turn``
-    (positive to the left) are in [-1, 1].
+    ``x`` (to the right) and ``y`` (down the screen) are counts since the page engaged; ``forward`` and
+    ``turn`` (positive to the left) are the axes of keys and gamepad, in [-1, 1].
     """
 
     x: float
@@ -43,14 +42,14 @@ class Move:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class SetStick:
-    """Sets gain, dead zone and return time."""
+    """Sets gain, dead zone and return time of the virtual stick."""
 
     stick: StickSettings
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class SetAssist:
-    """Switches the agent's part on or off, for trials to come."""
+    """Switches the agent on or off, from the next trial on."""
 
     on: bool
 
@@ -62,21 +61,21 @@ _AXIS = (-1.0, 1.0)
 
 
 def parse(text: str) -> Message:
-    """Reads a message.
+    """Parses a message.
 
     Raises:
-        BadMessage: It is no JSON object, of no known type, or a field is missing, unknown, of the wrong
-            type, not finite or out of range.
+        MessageError: The text is not a JSON object, the type is unknown, or a field is missing, unknown, of
+            the wrong type, not finite or out of range.
     """
     try:
-        fields = json.loads(text, parse_constant=_refuse_constant)
+        fields = json.loads(text, parse_constant=_reject_constant)
     except (ValueError, RecursionError) as error:
-        raise BadMessage("a message must be JSON") from error
+        raise MessageError("a message must be JSON") from error
     if not isinstance(fields, dict):
-        raise BadMessage("a message must be a JSON object")
+        raise MessageError("a message must be a JSON object")
     kind = fields.pop("type", None)
     if kind == "move":
-        _expect(fields, "x", "y", "forward", "turn")
+        _check_names(fields, "x", "y", "forward", "turn")
         return Move(
             x=_number(fields, "x", *_COUNTS),
             y=_number(fields, "y", *_COUNTS),
@@ -84,13 +83,13 @@ def parse(text: str) -> Message:
             turn=_number(fields, "turn", *_AXIS),
         )
     if kind == "engage":
-        _expect(fields)
+        _check_names(fields)
         return Engage()
     if kind == "release":
-        _expect(fields)
+        _check_names(fields)
         return Release()
     if kind == "stick":
-        _expect(fields, "gain", "dead_zone", "return_time")
+        _check_names(fields, "gain", "dead_zone", "return_time")
         return SetStick(
             StickSettings(
                 gain=_number(fields, "gain", 1e-5, 0.1),
@@ -99,27 +98,27 @@ def parse(text: str) -> Message:
             )
         )
     if kind == "assist":
-        _expect(fields, "on")
+        _check_names(fields, "on")
         if not isinstance(fields["on"], bool):
-            raise BadMessage("on must be true or false")
+            raise MessageError("on must be true or false")
         return SetAssist(fields["on"])
-    raise BadMessage("type must be move, engage, release, stick or assist")
+    raise MessageError("type must be move, engage, release, stick or assist")
 
 
-def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is no JSON")
+def _reject_constant(name: str) -> None:
+    raise ValueError(f"{name} is not JSON")
 
 
-def _expect(fields: dict[str, Any], *names: str) -> None:
+def _check_names(fields: dict[str, Any], *names: str) -> None:
     if set(fields) != set(names):
-        raise BadMessage(f"the fields must be: {', '.join(('type', *names))}")
+        raise MessageError(f"the fields must be: {', '.join(('type', *names))}")
 
 
-def _number(fields: dict[str, Any], name: str, least: float, most: float) -> float:
+def _number(fields: dict[str, Any], name: str, low: float, high: float) -> float:
     value = fields[name]
-    # bool is an int to Python, not to us; an int may be too large for a float.
+    # bool is a subclass of int; an int may be too large for a float.
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise BadMessage(f"{name} must be a number")
-    if not (math.isfinite(value) if isinstance(value, float) else True) or not least <= value <= most:
-        raise BadMessage(f"{name} must be from {least:g} to {most:g}")
+        raise MessageError(f"{name} must be a number")
+    if not low <= value <= high:  # False for NaN as well.
+        raise MessageError(f"{name} must be from {low:g} to {high:g}")
     return float(value)

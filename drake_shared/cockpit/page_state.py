@@ -1,4 +1,4 @@
-"""What the page is told of a task, of a trial under way, and of one that is over, as JSON holds it."""
+"""The messages about the task, the running trial and its result; see docs/websocket_protocol.md."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHOWN_METRICS = (
 
 
 def describe_scene(simulation: Simulation) -> dict[str, Any]:
-    """What stays the same from trial to trial. Lengths in [m], times in [s], speeds in [m/s], [rad/s]."""
+    """Returns the ``scene`` message: what is the same in all trials."""
     scenario: Scenario = simulation.scenario
     space, robot, operator = scenario.workspace, scenario.robot, simulation.parts.operator
     learner = simulation.learner
@@ -42,8 +42,8 @@ def describe_scene(simulation: Simulation) -> dict[str, Any]:
     }
 
 
-class Instruments:
-    """Reads the values of a trial under way; they are those that its log keeps."""
+class LogReader:
+    """Reads the current values of the log's columns in a running trial."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._columns = simulation.parts.columns
@@ -53,23 +53,28 @@ class Instruments:
         self._blender = simulation.parts.blender
 
     def read(self, running: RunningTrial) -> dict[str, float]:
-        """Each column of the log to its value now.
+        """Returns the current value of each column of the log.
 
-        It costs next to nothing at a control step, where the values are needed anyway, and a prediction
-        in between.
+        This is cheap at a control step, where the values are cached; between steps it costs a prediction.
         """
         context = self._multiplexer.GetMyContextFromRoot(running.root)
         return dict(zip(self._columns, self._port.Eval(context).tolist(), strict=True))
 
     def read_let_go(self, running: RunningTrial) -> str | None:
-        """Why the agent leaves the control to the human now; see :meth:`ConfidenceBlender.let_go`."""
+        """Returns why the agent gives up its authority; see :meth:`ConfidenceBlender.let_go`."""
         if not isinstance(self._blender, ConfidenceBlender):
             return None
         return self._blender.let_go(self._blender.GetMyContextFromRoot(running.root))
 
 
 def describe_now(values: Mapping[str, float], time: float, let_go: str | None = None) -> dict[str, Any]:
-    """What the page's instruments show. Commands are wheel speeds [left, right] in [rad/s]."""
+    """Returns the ``now`` message: the values that the page shows during a trial.
+
+    Args:
+        values: Value of each column of the log.
+        time: Time since the start of the trial, in [s].
+        let_go: Why the agent gives up its authority, if it does.
+    """
     return {
         "t": round(time, 3),
         "let_go": let_go,
@@ -85,12 +90,12 @@ def describe_now(values: Mapping[str, float], time: float, let_go: str | None = 
 
 
 def describe_result(trial: Trial, saved: str | None, trouble: str | None) -> dict[str, Any]:
-    """How a trial went, for the page.
+    """Returns the ``result`` of a ``trial`` message.
 
     Args:
-        trial: What happened.
-        saved: Name of the file that keeps it, if one does.
-        trouble: Why none does, if one should.
+        trial: The finished trial.
+        saved: Name of its log's file, if it was saved.
+        trouble: Why it was not saved, if it should have been.
     """
     measures = metrics(trial)
     result: dict[str, Any] = {name: _number(measures.get(name)) for name in SHOWN_METRICS}
@@ -113,7 +118,7 @@ def _numbers(*values: float | None) -> list[float | None]:
 
 
 def _number(value: Any) -> float | None:
-    """JSON has no NaN and no infinity; the page shows a dash for what cannot be said."""
+    """JSON has neither NaN nor infinity: null takes their place, and the page shows a dash."""
     if value is None or not math.isfinite(value):
         return None
     return round(float(value), 4)

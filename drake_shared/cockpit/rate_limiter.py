@@ -1,4 +1,4 @@
-"""Holds back who says too much."""
+"""Rate limiter for the messages of a connection."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ import time
 from collections.abc import Awaitable, Callable
 
 
-class Allowance:
-    """So many messages a second, and some more at once.
+class RateLimiter:
+    """Limits the mean rate of messages, with bursts.
 
-    Whoever goes beyond is made to wait, not refused: what is not read stays with its sender.
+    A sender that exceeds the rate is delayed, not refused: its messages are left unread until they are due,
+    so that they wait in the sender's buffers.
 
     Args:
-        rate: Messages a second, in the long run.
-        burst: How many may come at once.
-        clock: Time in [s].
+        rate: Mean rate, in [messages/s].
+        burst: Number of messages that may arrive at once.
+        clock: Returns the time in [s].
         sleep: Waits for a time in [s].
     """
 
@@ -33,8 +34,8 @@ class Allowance:
         self._sleep = sleep
         self._paid_until = clock() - self._credit
 
-    async def take(self) -> None:
-        """Uses one up, and waits until it is due."""
+    async def acquire(self) -> None:
+        """Counts one message, and waits until it is due."""
         now = self._clock()
         self._paid_until = max(self._paid_until, now - self._credit) + self._interval
         if self._paid_until > now:

@@ -1,4 +1,4 @@
-"""A trial run at the pace of the clock on the wall."""
+"""Runs a trial at the pace of the wall clock."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ from drake_shared.cockpit.pacer import Pacer
 from drake_shared.simulation.trial import RunningTrial
 
 SLICE = 0.005
-"""Simulated time, in [s], that is run at once: how often the driver's samples can come in."""
+"""Simulated time that is run at once, in [s]: the period at which samples of the driver are read."""
 
-
-_HAIR = 1e-9
+_TOLERANCE = 1e-9
 
 
 class RealTime:
-    """Advances a trial slice by slice, each when it is due. The clock starts when this is made.
+    """Advances a trial slice by slice, each when it is due. The clock starts at construction.
 
     Args:
-        running: The trial, at its start; one that ends by duration.
-        on_step: Called at every control step, to show how things stand.
-        pacer: Of slices of SLICE.
+        running: The trial, at its start. Its settings must have ``end="duration"``.
+        on_step: Called after every control step.
+        pacer: Paces slices of :data:`SLICE`.
     """
 
     def __init__(
@@ -33,46 +32,46 @@ class RealTime:
         self._period = running.simulation.scenario.control_period
         self._steps = 0
         self.late_steps = 0
-        """Control steps that came late by more than a control period."""
+        """Number of control steps that were late by more than a control period."""
         self.worst_lateness = 0.0
-        """Of a control step, in [s]."""
+        """Largest lateness of a control step, in [s]."""
 
     def describe(self) -> dict[str, float | int]:
-        """How well the pace was kept, for the log."""
+        """Returns the timing for the log's metadata."""
         return {
             "wall_time": self._pacer.elapsed,
             "late_steps": self.late_steps,
             "worst_lateness": self.worst_lateness,
-            "put_off": self._pacer.put_off,
+            "put_off": self._pacer.postponement,
         }
 
-    def run(self, *, watch: Callable[[], str | None], judge: Callable[[], str | None]) -> str:
-        """Runs on until someone says why the trial ends, or its time is over.
+    def run(self, *, check_slice: Callable[[], str | None], check_step: Callable[[], str | None]) -> str:
+        """Runs until one of the checks returns a status or the trial is over.
 
         Args:
-            watch: Asked at every slice.
-            judge: Asked at every control step. What concerns the robot belongs here: between steps its
-                state is already that of the step to come, and a log that ended there would lack its row.
+            check_slice: Called before every slice.
+            check_step: Called after every control step. Checks of the robot's state belong here: between
+                steps the state is already that of the next step, which has no row in the log yet.
 
         Returns:
-            What ``watch`` or ``judge`` said, or the trial's own status.
+            The status that ``check_slice`` or ``check_step`` returned, or that of the trial.
         """
         while True:
-            why = watch()
-            if why is not None:
-                return why
+            status = check_slice()
+            if status is not None:
+                return status
             self._index += 1
-            late = self._pacer.wait(self._index)
+            lateness = self._pacer.wait(self._index)
             until = self._index * SLICE
-            # Times of steps are multiples as Drake rounds them: a hair past one, its update is done already.
-            while (step := (self._steps + 1) * self._period) <= until + _HAIR:
+            # Drake rounds the times of steps; a step just past ``until`` has already been taken.
+            while (step := (self._steps + 1) * self._period) <= until + _TOLERANCE:
                 self._running.advance(step)
                 self._steps += 1
-                self.late_steps += late > self._period
-                self.worst_lateness = max(self.worst_lateness, late)
+                self.late_steps += lateness > self._period
+                self.worst_lateness = max(self.worst_lateness, lateness)
                 self._on_step()
-                why = judge() or self._running.status
-                if why is not None:
-                    return why
+                status = check_step() or self._running.status
+                if status is not None:
+                    return status
             if until > self._running.time:
                 self._running.advance(until)

@@ -1,4 +1,4 @@
-"""Drake's websocket passed on to a page byte by byte: it says thousands of things a second."""
+"""Relays Drake's websocket to a page byte by byte, since it carries thousands of messages a second."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from urllib.parse import urlsplit
 
 from aiohttp import web
 
-from drake_shared.cockpit.rate_limiter import Allowance
+from drake_shared.cockpit.rate_limiter import RateLimiter
 
 _CHUNK = 1 << 18
-_FULL = 1 << 20
-_STUCK_AFTER = 5.0
-_BEHIND_FOR = 15.0
-# Messages a second from a page to Drake that are read, to be dropped.
-_DROPPED = 200.0
-_SIGN_OF_LIFE = 20.0
-# A pong that nobody asked for: final frame, opcode 10, masked as a client's must be, empty.
+_BUFFER_LIMIT = 1 << 20
+_WRITE_TIMEOUT = 5.0
+_LAG_TIMEOUT = 15.0
+# Largest rate at which messages from a page to Drake are read and dropped, in [messages/s].
+_DROP_RATE = 200.0
+_KEEPALIVE_PERIOD = 20.0
+# An unsolicited pong: final frame, opcode 10, masked as a client's must be, empty.
 _PONG = b"\x8a\x80\x00\x00\x00\x00"
 
 
 class SceneRelay:
     """One connection to Drake's Meshcat.
 
-    A server's frames bear no mask and need not be taken apart: those of Drake are, byte for byte, those
-    that the page is to get. The other way nothing passes.
+    A server's frames are not masked, so Drake's frames are passed to the page unchanged. Nothing is passed
+    from the page to Drake.
     """
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -36,9 +36,9 @@ class SceneRelay:
         self._writer = writer
 
     async def run(self, page: web.WebSocketResponse, transport: asyncio.Transport | None) -> None:
-        """Passes on what Drake says until either closes, or the page takes no more."""
+        """Relays until either side closes or the page no longer keeps up."""
         assert transport is not None
-        jobs = (self._pass_on(transport), _swallow(page), self._show_life())
+        jobs = (self._relay(transport), _drop_messages(page), self._send_keepalives())
         tasks = [asyncio.create_task(job) for job in jobs]
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -47,25 +47,25 @@ class SceneRelay:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _pass_on(self, transport: asyncio.Transport) -> None:
+    async def _relay(self, transport: asyncio.Transport) -> None:
         clock = asyncio.get_running_loop().time
-        kept_up = clock()
+        caught_up = clock()
         while data := await self._reader.read(_CHUNK):
-            # Drake must not hoard what a page does not take, be it frozen or ever too slow; it reloads later.
+            # Drake must not buffer without bound for a page that is frozen or too slow; the page reconnects.
             if not transport.get_write_buffer_size():
-                kept_up = clock()
-            elif clock() - kept_up > _BEHIND_FOR:
+                caught_up = clock()
+            elif clock() - caught_up > _LAG_TIMEOUT:
                 return
             transport.write(data)
-            async with asyncio.timeout(_STUCK_AFTER):
-                while transport.get_write_buffer_size() > _FULL:
+            async with asyncio.timeout(_WRITE_TIMEOUT):
+                while transport.get_write_buffer_size() > _BUFFER_LIMIT:
                     await asyncio.sleep(0.01)
             if transport.is_closing():
                 return
 
-    async def _show_life(self) -> None:
+    async def _send_keepalives(self) -> None:
         while True:
-            await asyncio.sleep(_SIGN_OF_LIFE)
+            await asyncio.sleep(_KEEPALIVE_PERIOD)
             self._writer.write(_PONG)
 
 
@@ -74,7 +74,7 @@ async def relay_from(url: str) -> AsyncIterator[SceneRelay]:
     """Connects to the Meshcat at ``url``, without compression.
 
     Raises:
-        web.HTTPBadGateway: It does not answer as it should.
+        web.HTTPBadGateway: It does not answer, or not as a websocket.
     """
     address = urlsplit(url)
     try:
@@ -102,8 +102,8 @@ async def relay_from(url: str) -> AsyncIterator[SceneRelay]:
             await writer.wait_closed()
 
 
-async def _swallow(page: web.WebSocketResponse) -> None:
-    """Reads what a page says to Drake and drops it: one malformed byte would end the process."""
-    allowance = Allowance(rate=_DROPPED, burst=int(_DROPPED))
+async def _drop_messages(page: web.WebSocketResponse) -> None:
+    """Drops the page's messages to Drake, where one malformed byte would abort the process."""
+    limiter = RateLimiter(rate=_DROP_RATE, burst=int(_DROP_RATE))
     async for _ in page:
-        await allowance.take()
+        await limiter.acquire()

@@ -1,4 +1,4 @@
-"""The web server of the page, in a thread of its own beside the simulation."""
+"""The web server of the page, in a thread beside the simulation."""
 
 from __future__ import annotations
 
@@ -18,75 +18,76 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from drake_shared.cockpit.access import Access, is_loopback
-from drake_shared.cockpit.broadcast import Audience, Page
-from drake_shared.cockpit.connection_limits import Door
-from drake_shared.cockpit.driver_lock import LET_GO, LOST, DriverLock
+from drake_shared.cockpit.broadcast import Broadcast, PageConnection
+from drake_shared.cockpit.connection_limits import ConnectionLimiter
+from drake_shared.cockpit.driver_lock import LOST, DriverLock
 from drake_shared.cockpit.listening_socket import listen
 from drake_shared.cockpit.meshcat_proxy import MeshcatProxy
 from drake_shared.cockpit.messages import (
     MAX_BYTES,
-    BadMessage,
     Engage,
     Message,
+    MessageError,
     Move,
     Release,
     SetAssist,
     SetStick,
     parse,
 )
-from drake_shared.cockpit.rate_limiter import Allowance
+from drake_shared.cockpit.rate_limiter import RateLimiter
 
 DEFAULT_PORT = 8080
 MAX_PAGES = 32
 _WATCH_PERIOD = 0.05
-# Changes of the seat within this time, in [s], are told to the pages at once.
-_GATHER = 0.01
-# Messages a second: the quickest mouse makes 8,000 moves, and whoever does not drive has little to say.
-_MOVES, _OTHERS = 10_000.0, 100.0
-_AT_ONCE = 200
-_IDLE_AFTER = 15.0
+# Changes of the driver lock within this time, in [s], are sent to the pages together.
+_COALESCE = 0.01
+# In [messages/s]: the fastest mouse makes 8,000 moves; a page that does not drive has little to send.
+_MOVE_RATE, _OTHER_RATE = 10_000.0, 100.0
+_BURST = 200
+_KEEPALIVE_TIMEOUT = 15.0
 
 
 class CockpitServer:
-    """Serves Meshcat's page with the cockpit on it, and speaks with the pages.
+    """Serves Meshcat's page with the cockpit on it, and exchanges messages with the pages.
 
-    It runs between ``start`` and ``stop``, or as a context manager. ``publish`` and ``pages`` may be used
-    from any thread and never wait.
+    It runs between :meth:`start` and :meth:`stop`, or as a context manager. :meth:`publish` and
+    :attr:`pages` may be used from any thread and never block. The messages are described in
+    docs/websocket_protocol.md.
 
     Args:
-        meshcat_url: Of Drake's Meshcat, as its ``web_url()`` says.
-        seat: The driver's seat.
+        meshcat_url: Address of Drake's Meshcat, from its ``web_url()``.
+        driver_lock: The pages acquire it, and their samples go to it.
         host: Address to listen on.
-        port: Port to listen on; 0 for any that is free.
-        token: What opens the page; made at random if None.
+        port: Port to listen on; 0 takes any free port.
+        token: The key in the page's address; random if None.
     """
 
     def __init__(
         self,
         *,
         meshcat_url: str,
-        seat: DriverLock,
+        driver_lock: DriverLock,
         host: str = "127.0.0.1",
         port: int = DEFAULT_PORT,
         token: str | None = None,
     ) -> None:
-        self.seat = seat
+        self.driver_lock = driver_lock
         self.host = host
         self.port = port
         self._access = Access(host=host, token=token)
         self._meshcat = MeshcatProxy(meshcat_url)
-        self._audience = Audience()
+        self._broadcast = Broadcast()
         self.routes: tuple[web.AbstractRoute, ...] = ()
-        """Everything that can be asked for, once it is served."""
+        """All routes of the running server."""
         self._numbers = itertools.count(1)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
         self._closing: asyncio.Event | None = None
-        self._to_be_told = False
+        self._lock_state_scheduled = False
 
     @property
     def address(self) -> str:
-        """What to open in a browser, key included."""
+        """The address to open in a browser, key included."""
         shown = "localhost" if is_loopback(self.host) else self.host
         if shown in ("0.0.0.0", "::", ""):
             shown = socket.gethostname()
@@ -94,11 +95,11 @@ class CockpitServer:
 
     @property
     def pages(self) -> int:
-        """How many pages are connected."""
-        return len(self._audience)
+        """Number of connected pages."""
+        return len(self._broadcast.pages)
 
     def start(self) -> None:
-        """Listens, and returns as soon as pages are served.
+        """Starts the server, and returns as soon as it accepts connections.
 
         Raises:
             InputError: The port is in use, or the address is not one of this computer.
@@ -114,12 +115,12 @@ class CockpitServer:
         if failure is not None:
             self._thread.join()
             raise failure
-        self.seat.listen(lambda: self._in_loop(self._tell_seat_soon))
+        self.driver_lock.add_listener(lambda: self._call_in_loop(self._schedule_lock_state))
 
     def stop(self) -> None:
-        """Closes every page's connection and ends the thread."""
+        """Closes all connections and ends the thread."""
         if self._thread is not None and self._closing is not None:
-            self._in_loop(self._closing.set)
+            self._call_in_loop(self._closing.set)
             self._thread.join()
             self._thread = None
 
@@ -131,16 +132,21 @@ class CockpitServer:
         self.stop()
 
     def publish(self, topic: str, content: Mapping[str, Any]) -> None:
-        """Sends the pages what is now true of ``topic``, as JSON; a slow page gets the newest only.
+        """Sends a message to all pages.
 
-        A page that connects later is told the last of every topic.
+        A slow page receives only the newest message of a topic; a page that connects later receives the
+        last one of every topic.
+
+        Args:
+            topic: The message's ``type``.
+            content: The other fields. NaN and infinity are not allowed, as JSON has neither.
         """
         text = json.dumps({"type": topic, **content}, allow_nan=False)
-        self._in_loop(self._audience.tell, topic, text)
+        self._call_in_loop(self._broadcast.send_soon, topic, text)
 
-    def _in_loop(self, function, *args: Any) -> None:
+    def _call_in_loop(self, function: Callable[..., None], *args: Any) -> None:
         if self._loop is not None and not self._loop.is_closed():
-            with contextlib.suppress(RuntimeError):  # Closed this very moment: nobody is left to be told.
+            with contextlib.suppress(RuntimeError):  # The loop was closed in the meantime.
                 self._loop.call_soon_threadsafe(function, *args)
 
     def _run(self, listener: socket.socket, started: queue.Queue[BaseException | None]) -> None:
@@ -153,31 +159,31 @@ class CockpitServer:
     async def _serve(self, listener: socket.socket, on_started: Callable[[], None]) -> None:
         self._loop = asyncio.get_running_loop()
         self._closing = asyncio.Event()
-        door = Door(listener)
-        app = self._make_application(door)
+        limiter = ConnectionLimiter(listener)
         runner = web.AppRunner(
-            app,
+            self._make_application(limiter),
             access_log=None,
             handle_signals=False,
             shutdown_timeout=1.0,
-            keepalive_timeout=_IDLE_AFTER,
-            logger=_quiet_logger(),
+            keepalive_timeout=_KEEPALIVE_TIMEOUT,
+            logger=_make_logger(),
         )
         await runner.setup()
         assert runner.server is not None
-        tasks = [asyncio.create_task(job) for job in (door.keep(runner.server), self._watch(door))]
+        tasks = [asyncio.create_task(job) for job in (limiter.accept(runner.server), self._watch(limiter))]
         on_started()
         await self._closing.wait()
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
         listener.close()
-        await self._audience.close_all()
+        await self._broadcast.close_all()
         await runner.cleanup()
 
-    def _make_application(self, door: Door) -> web.Application:
-        """Everything that is served, behind the guard."""
-        app = web.Application(middlewares=[self._access.guard, door.admit], client_max_size=4096)
+    def _make_application(self, limiter: ConnectionLimiter) -> web.Application:
+        """Returns the application with all routes, behind the access check."""
+        middlewares = [self._access.check_request, limiter.mark_authenticated]
+        app = web.Application(middlewares=middlewares, client_max_size=4096)
         app.on_response_prepare.append(self._access.add_headers)
         self._meshcat.add_routes(app)
         app.router.add_get("/drive", self._drive, allow_head=False)
@@ -185,107 +191,112 @@ class CockpitServer:
         self.routes = tuple(app.router.routes())
         return app
 
-    async def _watch(self, door: Door) -> None:
-        """Takes the seat from a driver whose page has fallen silent, and sees strangers off."""
+    async def _watch(self, limiter: ConnectionLimiter) -> None:
+        """Takes the lock from a driver whose page no longer sends, and closes expired connections."""
         while True:
             await asyncio.sleep(_WATCH_PERIOD)
-            door.sweep()
-            number = self.seat.expire()
+            limiter.close_expired()
+            number = self.driver_lock.expire()
             if number is not None:
-                await self._audience.close(number, WSCloseCode.POLICY_VIOLATION, "no sign of life")
+                await self._broadcast.close(number, WSCloseCode.POLICY_VIOLATION, "no heartbeat")
 
     async def _drive(self, request: web.Request) -> web.StreamResponse:
-        if len(self._audience) >= MAX_PAGES:
+        """The websocket of a page."""
+        if self.pages >= MAX_PAGES:
             raise web.HTTPServiceUnavailable(text="Too many pages are open.")
-        # The library closes what is beyond its own limit without a word; below that we say why.
-        connection = web.WebSocketResponse(
+        # aiohttp closes without a reason above its own limit; between the two limits a reason is given.
+        websocket = web.WebSocketResponse(
             max_msg_size=16 * MAX_BYTES, heartbeat=10.0, timeout=1.0, compress=False, autoping=False
         )
-        await connection.prepare(request)
+        await websocket.prepare(request)
         number = next(self._numbers)
-        page = Page(connection, request.transport)
-        self._audience.add(number, page)
-        self._tell_seat(number)
-        writer = asyncio.create_task(page.write())
-        moves = Allowance(rate=_MOVES, burst=_AT_ONCE)
-        others = Allowance(rate=_OTHERS, burst=_AT_ONCE)
+        page = PageConnection(websocket, request.transport)
+        self._broadcast.add(number, page)
+        self._send_lock_state(number)
+        sender = asyncio.create_task(page.send_queued())
+        moves = RateLimiter(rate=_MOVE_RATE, burst=_BURST)
+        others = RateLimiter(rate=_OTHER_RATE, burst=_BURST)
         try:
-            async for message in connection:
-                if message.type in (WSMsgType.PING, WSMsgType.PONG):
-                    await others.take()
-                    if message.type is WSMsgType.PING:
-                        await connection.pong(message.data)
+            async for received in websocket:
+                if received.type in (WSMsgType.PING, WSMsgType.PONG):
+                    await others.acquire()
+                    if received.type is WSMsgType.PING:
+                        await websocket.pong(received.data)
                     continue
-                if message.type is not WSMsgType.TEXT:
+                if received.type is not WSMsgType.TEXT:
                     await page.close(WSCloseCode.UNSUPPORTED_DATA, "a message must be text")
                     break
-                if len(message.data) > MAX_BYTES:
+                if len(received.data) > MAX_BYTES:
                     await page.close(WSCloseCode.MESSAGE_TOO_BIG, f"a message may have {MAX_BYTES} bytes")
                     break
                 try:
-                    said = parse(message.data)
-                except BadMessage as error:
+                    message = parse(received.data)
+                except MessageError as error:
                     await page.close(WSCloseCode.POLICY_VIOLATION, str(error))
                     break
-                self._take(number, said)
-                drives = isinstance(said, Move) and number == self.seat.holder
-                await (moves if drives else others).take()
+                self._handle(number, message)
+                drives = isinstance(message, Move) and number == self.driver_lock.holder
+                await (moves if drives else others).acquire()
         finally:
-            self._audience.remove(number)
-            self.seat.leave(number, LOST)
-            writer.cancel()
-        return connection
+            del self._broadcast.pages[number]
+            self.driver_lock.release(number, LOST)
+            sender.cancel()
+        return websocket
 
-    def _take(self, number: int, message: Message) -> None:
-        entitled = True
+    def _handle(self, number: int, message: Message) -> None:
+        accepted = True
         match message:
             case Move():
-                self.seat.move(number, message)
+                self.driver_lock.move(number, message)
             case Engage():
-                entitled = self.seat.engage(number)
+                accepted = self.driver_lock.engage(number)
             case Release():
-                self.seat.leave(number, LET_GO)
+                self.driver_lock.release(number)
             case SetStick(stick):
-                entitled = self.seat.set_stick(number, stick)
+                accepted = self.driver_lock.set_stick(number, stick)
             case SetAssist(on):
-                entitled = self.seat.set_assist(number, on)
-        if not entitled:
-            self._tell_seat(number, refused=True)
+                accepted = self.driver_lock.set_assist(number, on)
+        if not accepted:
+            self._send_lock_state(number, refused=True)
 
-    def _tell_seat_soon(self) -> None:
-        if not self._to_be_told:
-            self._to_be_told = True
-            asyncio.get_running_loop().call_later(_GATHER, self._tell_seat)
+    def _schedule_lock_state(self) -> None:
+        if not self._lock_state_scheduled:
+            self._lock_state_scheduled = True
+            asyncio.get_running_loop().call_later(_COALESCE, self._send_lock_states)
 
-    def _tell_seat(self, only: int | None = None, *, refused: bool = False) -> None:
-        """Tells a page, or each, whether the seat is its own, taken or free, and the settings in force."""
-        self._to_be_told = self._to_be_told and only is not None
-        stick = self.seat.latest().stick
+    def _send_lock_states(self) -> None:
+        self._lock_state_scheduled = False
+        for number in self._broadcast.pages:
+            self._send_lock_state(number)
+
+    def _send_lock_state(self, number: int, *, refused: bool = False) -> None:
+        """Sends a page the state of the lock as it concerns this page, and the settings in force."""
+        lock = self.driver_lock
+        if not lock.enabled:
+            state = "none"
+        elif lock.holder is None:
+            state = "free"
+        else:
+            state = "yours" if lock.holder == number else "taken"
+        stick = lock.latest().stick
         settings = {
             "type": "settings",
             "gain": stick.gain,
             "dead_zone": stick.dead_zone,
             "return_time": stick.return_time,
-            "assist": self.seat.assist,
+            "assist": lock.assist,
         }
-        for number, page in self._audience:
-            if only not in (None, number):
-                continue
-            state = "free" if self.seat.holder is None else "taken"
-            if not self.seat.open:
-                state = "none"
-            elif number == self.seat.holder:
-                state = "yours"
-            page.tell("seat", json.dumps({"type": "seat", "state": state, "refused": refused}))
-            page.tell("settings", json.dumps(settings))
+        page = self._broadcast.pages[number]
+        page.send_soon("seat", json.dumps({"type": "seat", "state": state, "refused": refused}))
+        page.send_soon("settings", json.dumps(settings))
 
 
-def _quiet_logger() -> logging.Logger:
-    """One that reports our own failures, but not what others say or break off."""
+def _make_logger() -> logging.Logger:
+    """Returns a logger that reports this program's failures, but not bad requests or lost connections."""
     logger = logging.getLogger("drake_shared.cockpit")
-    logger.addFilter(_is_ours)
+    logger.addFilter(_is_own_failure)
     return logger
 
 
-def _is_ours(record: logging.LogRecord) -> bool:
+def _is_own_failure(record: logging.LogRecord) -> bool:
     return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError | ConnectionError))

@@ -1,4 +1,4 @@
-"""Demonstrations that a person drives on the page."""
+"""Collects demonstrations that a person drives on the page."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ def teach_by_mouse(
     port: int = DEFAULT_PORT,
     open_browser: bool = True,
 ) -> Demonstrations:
-    """Demonstrations that a person drives without assistance, scored by clearance.
+    """Returns demonstrations that a person drives without assistance, scored by clearance.
 
-    Trials that miss the goal or touch an obstacle do not count and are driven again. Interrupted, it
-    keeps what there is.
+    Trials that miss the goal or touch an obstacle are discarded, and the person drives again. When
+    interrupted, it returns the demonstrations collected so far.
 
     Args:
         scenario: The task.
-        count: How many; as many as the scenario has routes if None.
+        count: Number of demonstrations; if None, the number of the scenario's routes.
         host, port, open_browser: See :func:`drake_shared.cockpit.drive.drive`.
 
     Raises:
-        RunError: It was interrupted before there was any.
+        RunError: It was interrupted before the first demonstration.
         InputError: The port is in use.
     """
     wanted = len(scenario.routes) if count is None else count
-    keeper = Keeper(scenario, wanted)
-    drive(scenario, assist=False, host=host, port=port, open_browser=open_browser, on_trial=keeper)
-    if not keeper.driven:
+    collector = DemonstrationCollector(scenario, wanted)
+    drive(scenario, assist=False, host=host, port=port, open_browser=open_browser, on_trial=collector)
+    if not collector.demonstrations:
         raise RunError("no demonstration reached the goal without contact")
     return Demonstrations(
-        items=tuple(keeper.driven), metadata={"scenario": scenario.name, "operator": "MouseInput"}
+        items=tuple(collector.demonstrations), metadata={"scenario": scenario.name, "operator": "MouseInput"}
     )
 
 
-class Keeper:
-    """Keeps the trials that make demonstrations.
+class DemonstrationCollector:
+    """Collects the trials that qualify as demonstrations.
 
     Args:
-        scenario: The task, which scores them.
-        wanted: How many are enough.
+        scenario: The task; its obstacles give the scores.
+        wanted: Number of demonstrations to collect.
     """
 
     def __init__(self, scenario: Scenario, wanted: int) -> None:
-        self.driven: list[Demonstration] = []
+        self.demonstrations: list[Demonstration] = []
         self._score = clearance_scorer(scenario)
         self._wanted = wanted
 
     def __call__(self, trial: Trial) -> bool:
-        """Keeps ``trial`` if it is good, and says whether there are enough."""
+        """Adds ``trial`` if it qualifies. Returns whether there are enough demonstrations."""
         if trial.status == "reached" and not trial["contact"].any():
-            self.driven.append(demonstration_of(trial, score=self._score(trial.positions)))
-        return len(self.driven) >= self._wanted
+            self.demonstrations.append(demonstration_of(trial, score=self._score(trial.positions)))
+        return len(self.demonstrations) >= self._wanted

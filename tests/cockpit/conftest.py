@@ -1,4 +1,4 @@
-"""A cockpit that runs in a thread of its own, and a real browser to sit in it."""
+"""A session in a thread of its own, and a real browser for its page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from drake_shared.cockpit import Session, open_session
-from drake_shared.cockpit.latency import CHROMIUM_ARGUMENTS, find_chromium
+from drake_shared.cockpit.chromium import CHROMIUM_ARGUMENTS, find_chromium
 from drake_shared.scenario import Circle, Goal, Route, Scenario, Workspace
 from drake_shared.simulation.trial import Trial
 from drake_shared.systems.mouse_input import MouseInput, StickSettings
@@ -23,13 +23,13 @@ PATIENCE = 30.0
 
 
 def wait_for(condition: Callable[[], object], what: str, patience: float = PATIENCE):
-    """What ``condition`` returns as soon as it is true."""
+    """Waits until ``condition`` returns a true value, and returns it."""
     deadline = time.monotonic() + patience
     while True:
         value = condition()
         if value:
             return value
-        assert time.monotonic() < deadline, f"waited {patience} s in vain for {what}"
+        assert time.monotonic() < deadline, f"waited {patience} s for {what}"
         time.sleep(0.005)
 
 
@@ -39,7 +39,7 @@ def until():
 
 
 class ProbedMouse(MouseInput):
-    """A MouseInput that remembers when it read what: (time of reading, sample's arrival, command)."""
+    """A MouseInput that records (time, arrival of the sample, command, counter x) of every update."""
 
     def __init__(self, **options):
         self.readings: collections.deque = collections.deque(maxlen=20_000)
@@ -49,11 +49,12 @@ class ProbedMouse(MouseInput):
         super()._update(context, state)
         now = time.monotonic()
         command = state.get_vector(self._command).value().copy()
-        self.readings.append((now, self._source.latest().arrival, command))
+        count = state.get_vector(self._mouse).GetAtIndex(0)
+        self.readings.append((now, self._source.latest().arrival, command, count))
 
 
 class RunningCockpit:
-    """A session under way in a thread."""
+    """A session that runs in a thread."""
 
     def __init__(
         self,
@@ -93,7 +94,7 @@ class RunningCockpit:
                 assist=self._assist,
                 record=self.record,
                 interrupted=self._interrupted,
-                say=self.messages.append,
+                report=self.messages.append,
                 on_trial=self.trials.append,
                 **self._options,
             ) as self.session:
@@ -117,31 +118,31 @@ class RunningCockpit:
         return self.address.partition("/?")[0]
 
     @property
-    def seat(self):
-        return self.session.server.seat
+    def driver_lock(self):
+        return self.session.server.driver_lock
 
     @property
     def command(self) -> np.ndarray:
         return self.mouse.readings[-1][2] if self.mouse.readings else np.zeros(2)
 
     def next_trial(self, number: int = 1, patience: float = PATIENCE) -> Trial:
-        """The trial of that number since the last `forget`, once it is over and the seat is free."""
+        """Waits for the end of trial ``number`` since the last `reset`, and returns it."""
         wait_for(lambda: len(self.trials) >= number, f"the end of trial {number}", patience)
         return self.trials[number - 1]
 
-    def forget(self):
-        """Leaves the session as a test would like to find it."""
-        wait_for(lambda: self.seat.holder is None, "an empty seat")
-        wait_for(lambda: self.session.phase in ("ready", "finished"), "the end of what went on")
-        self.seat.set_stick(0, StickSettings())
-        self.seat.set_assist(0, self._assist)
+    def reset(self):
+        """Puts the session into its initial state for the next test."""
+        wait_for(lambda: self.driver_lock.holder is None, "a free driver lock")
+        wait_for(lambda: self.session.phase in ("ready", "finished"), "the end of the trial")
+        self.driver_lock.set_stick(0, StickSettings())
+        self.driver_lock.set_assist(0, self._assist)
         self.trials.clear()
         self.mouse.readings.clear()
         for path in self.record.iterdir():
             path.unlink()
 
     def wait_for_time(self, seconds: float):
-        """Waits until the mouse has been read for as long, in simulated time, in this trial."""
+        """Waits until the trial has run for ``seconds`` of simulated time."""
         wait_for(lambda: len(self.mouse.readings) * 0.005 >= seconds, f"{seconds} s of driving")
 
     def interrupt(self):
@@ -156,7 +157,7 @@ class RunningCockpit:
 
 
 def make_short_floor() -> Scenario:
-    """A metre straight ahead, with a pillar at the side."""
+    """A goal 1 m straight ahead, with a pillar beside the path."""
     return Scenario(
         name="short_floor",
         goal=Goal(x=1.0, y=0.0),
@@ -171,7 +172,7 @@ def make_short_floor() -> Scenario:
 
 
 def make_long_floor() -> Scenario:
-    """So far to go that no test gets there."""
+    """A goal that no test reaches."""
     return Scenario(
         name="long_floor",
         goal=Goal(x=40.0, y=0.0),
@@ -217,15 +218,15 @@ def _long_cockpit(tmp_path_factory, route_learner) -> Iterator[RunningCockpit]:
 
 @pytest.fixture
 def cockpit(_short_cockpit) -> RunningCockpit:
-    """A session in which the goal is near."""
-    _short_cockpit.forget()
+    """A session with a goal nearby."""
+    _short_cockpit.reset()
     return _short_cockpit
 
 
 @pytest.fixture
 def long_cockpit(_long_cockpit) -> RunningCockpit:
-    """A session in which the goal is far."""
-    _long_cockpit.forget()
+    """A session with a goal far away."""
+    _long_cockpit.reset()
     return _long_cockpit
 
 
@@ -261,7 +262,7 @@ def browser_context(browser):
 
 @pytest.fixture(scope="module")
 def lasting_context(browser):
-    """For a window that serves several tests: a page takes two seconds to load."""
+    """For a window that is used by several tests, since a page takes two seconds to load."""
     context = browser.new_context(viewport={"width": 640, "height": 480})
     context.set_default_timeout(1000 * PATIENCE)
     yield context
@@ -270,7 +271,7 @@ def lasting_context(browser):
 
 @pytest.fixture
 def other_context(browser):
-    """Another browser, as it were: a second tab would take the first one's focus, and so stop it."""
+    """A separate browser context: a second tab would take the focus of the first one and stop it."""
     context = browser.new_context(viewport={"width": 640, "height": 480})
     context.set_default_timeout(1000 * PATIENCE)
     yield context
@@ -279,7 +280,7 @@ def other_context(browser):
 
 @pytest.fixture
 def client():
-    """Runs a coroutine that is given an aiohttp session, in a thread: Playwright keeps this one's loop."""
+    """Runs a coroutine with an aiohttp session in a thread, as Playwright uses this thread's event loop."""
     import asyncio
 
     import aiohttp

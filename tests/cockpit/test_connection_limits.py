@@ -1,4 +1,4 @@
-"""Every door of the server: nobody comes in without the key, under another name or from another page."""
+"""No route answers without the key, under another name or from another page; connections are limited."""
 
 import asyncio
 import contextlib
@@ -10,10 +10,10 @@ import aiohttp
 import pytest
 
 from drake_shared.cockpit.access import is_loopback
-from drake_shared.cockpit.connection_limits import Door
+from drake_shared.cockpit.connection_limits import ConnectionLimiter
 from drake_shared.cockpit.driver_lock import DriverLock
 from drake_shared.cockpit.meshcat_proxy import start_meshcat
-from drake_shared.cockpit.rate_limiter import Allowance
+from drake_shared.cockpit.rate_limiter import RateLimiter
 from drake_shared.cockpit.server import CockpitServer
 
 
@@ -24,18 +24,18 @@ def meshcat():
 
 @pytest.fixture(scope="module")
 def server(meshcat):
-    with CockpitServer(meshcat_url=meshcat.web_url(), seat=DriverLock(), port=0) as server:
+    with CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=DriverLock(), port=0) as server:
         yield server
 
 
-# What is asked for at each door. A door that is new fails the test below until it stands here.
-DOORS = {
+# A path for each route. A test below fails until a new route is listed here.
+PATHS = {
     "/": "/",
     "/favicon.ico": "/favicon.ico",
     "/cas-v1/{name}": "/cas-v1/" + 64 * "0",
     "/drive": "/drive",
     "/cockpit": "/cockpit/main.js",
-    # No door at all.
+    # No route.
     None: "/nothing/here",
 }
 WEBSOCKET = {
@@ -44,8 +44,8 @@ WEBSOCKET = {
     "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
     "Sec-WebSocket-Version": "13",
 }
-# What is changed of a request that would come in.
-INTRUDERS = {
+# Changes of an accepted request, each of which must make the server refuse it.
+BAD_REQUESTS = {
     "no key": {"Cookie": None},
     "wrong key": {"Cookie": "drake_shared_{port}=wrong"},
     "key of another port": {"Cookie": "drake_shared_1={token}"},
@@ -66,11 +66,11 @@ METHODS = ("GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH")
 
 
 def requests(server):
-    """What comes in, and for each intruder what does not: headers and query."""
+    """Yields the name, headers and query of an accepted request and of every bad one."""
     token = server.address.partition("?k=")[2]
     good = {"Host": f"localhost:{server.port}", "Cookie": f"drake_shared_{server.port}={token}"}
-    yield "nobody", good, ""
-    for name, change in INTRUDERS.items():
+    yield "good", good, ""
+    for name, change in BAD_REQUESTS.items():
         changed = {k: v and v.format(port=server.port, token=token) for k, v in (good | change).items()}
         query = changed.pop("?", "")
         yield name, {k: v for k, v in changed.items() if v is not None}, query
@@ -80,34 +80,34 @@ def requests(server):
             yield f"{name}, as a websocket", headers, query
 
 
-def test_every_door_is_known(server):
+def test_every_route_is_listed(server):
     known = {route.resource.canonical for route in server.routes}
-    assert known == {door for door in DOORS if door is not None}
+    assert known == {route for route in PATHS if route is not None}
     assert {route.method for route in server.routes} <= {"GET", "HEAD"}
 
 
-def test_no_door_opens_to_an_intruder(server, client):
+def test_no_route_answers_a_bad_request(server, client):
     async def talk(http):
-        opened = []
-        for door in DOORS.values():
-            for intruder, headers, query in requests(server):
+        wrong = []
+        for path in PATHS.values():
+            for name, headers, query in requests(server):
                 for method in METHODS if "Upgrade" not in headers else ("GET",):
-                    # The one door where the key may stand in the address.
-                    if (door, intruder.partition(",")[0]) == ("/", "key in the address only"):
+                    # The one route that accepts the key in the address.
+                    if (path, name.partition(",")[0]) == ("/", "key in the address only"):
                         continue
-                    url = f"http://127.0.0.1:{server.port}{door}?{query}"
+                    url = f"http://127.0.0.1:{server.port}{path}?{query}"
                     async with http.request(method, url, headers=headers, allow_redirects=False) as answer:
-                        if (answer.status != 403) != (intruder == "nobody"):
-                            opened.append((door, intruder, method, answer.status))
+                        if (answer.status != 403) != (name == "good"):
+                            wrong.append((path, name, method, answer.status))
                         assert answer.headers["X-Frame-Options"] == "DENY"
                         assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
                         assert "Access-Control-Allow-Origin" not in answer.headers
-        return opened
+        return wrong
 
     assert client(talk) == []
 
 
-def test_a_link_from_another_site_may_be_followed_by_who_has_the_key(server, client):
+def test_a_link_from_another_site_works_with_the_key(server, client):
     async def talk(http):
         async with http.get(server.address):
             pass
@@ -119,7 +119,7 @@ def test_a_link_from_another_site_may_be_followed_by_who_has_the_key(server, cli
 
 
 def other_addresses() -> list[str]:
-    """Addresses of this computer that others can reach."""
+    """Returns the addresses of this computer that other computers can reach."""
     found = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), None)}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
@@ -130,7 +130,7 @@ def other_addresses() -> list[str]:
     return sorted(address for address in found if not is_loopback(address.partition("%")[0]))
 
 
-def test_drakes_own_port_is_reached_from_this_computer_alone(meshcat):
+def test_drakes_own_port_is_reachable_from_this_computer_only(meshcat):
     address = urlsplit(meshcat.web_url())
     assert is_loopback(address.hostname)
     socket.create_connection((address.hostname, address.port), timeout=5.0).close()
@@ -139,7 +139,7 @@ def test_drakes_own_port_is_reached_from_this_computer_alone(meshcat):
             socket.create_connection((other, address.port), timeout=5.0)
 
 
-def test_drakes_own_port_is_named_to_no_page(server, client, meshcat):
+def test_pages_do_not_learn_drakes_own_port(server, client, meshcat):
     async def talk(http):
         texts = []
         async with http.get(server.address) as answer:
@@ -155,63 +155,63 @@ def test_drakes_own_port_is_named_to_no_page(server, client, meshcat):
         assert f":{address.port}" not in text
 
 
-async def at_the_door(act, **options):
-    """What ``act`` returns, given a door that keeps a server where everyone who asks is let in."""
+async def with_limiter(act, **options):
+    """Runs ``act`` with a connection limiter before a server that accepts every request."""
 
     async def answer(request):
-        return aiohttp.web.Response(text="come in")
+        return aiohttp.web.Response(text="hello")
 
     listener = socket.create_server(("127.0.0.1", 0))
-    door = Door(listener, **options)
-    app = aiohttp.web.Application(middlewares=[door.admit])
+    limiter = ConnectionLimiter(listener, **options)
+    app = aiohttp.web.Application(middlewares=[limiter.mark_authenticated])
     app.router.add_get("/", answer)
     runner = aiohttp.web.AppRunner(app)
     await runner.setup()
-    keeping = asyncio.create_task(door.keep(runner.server))
+    accepting = asyncio.create_task(limiter.accept(runner.server))
     try:
-        return await act(door, listener.getsockname()[1])
+        return await act(limiter, listener.getsockname()[1])
     finally:
-        keeping.cancel()
+        accepting.cancel()
         await runner.cleanup()
         listener.close()
 
 
-def test_who_says_nothing_must_go_and_who_asked_may_stay():
+def test_connections_without_a_request_are_closed_and_others_stay():
     now = [100.0]
 
-    async def act(door, port):
+    async def act(limiter, port):
         silent = await asyncio.open_connection("127.0.0.1", port)
         half = await asyncio.open_connection("127.0.0.1", port)
         half[1].write(b"GET / HTTP/1.1\r\nHost: x\r\n")
         async with aiohttp.ClientSession() as http, http.get(f"http://127.0.0.1:{port}/") as answer:
-            assert await answer.text() == "come in"
-            door.sweep()
-            assert len(door) == 3
+            assert await answer.text() == "hello"
+            limiter.close_expired()
+            assert len(limiter) == 3
             now[0] += 4.0
-            door.sweep()
-            assert len(door) == 1
+            limiter.close_expired()
+            assert len(limiter) == 1
             for reader, _ in (silent, half):
                 with contextlib.suppress(ConnectionResetError):
                     assert await reader.read() == b""
         for _, writer in (silent, half):
             writer.close()
 
-    asyncio.run(asyncio.wait_for(at_the_door(act, patience=3.0, clock=lambda: now[0]), 10.0))
+    asyncio.run(asyncio.wait_for(with_limiter(act, key_timeout=3.0, clock=lambda: now[0]), 10.0))
 
 
-def test_those_who_say_nothing_keep_nobody_out():
-    async def act(door, port):
+def test_idle_connections_do_not_lock_anybody_out():
+    async def act(limiter, port):
         silent = [await asyncio.open_connection("127.0.0.1", port) for _ in range(20)]
         async with aiohttp.ClientSession() as http, http.get(f"http://127.0.0.1:{port}/") as answer:
-            assert await answer.text() == "come in"
-            assert len(door) <= 4
+            assert await answer.text() == "hello"
+            assert len(limiter) <= 4
         for _, writer in silent:
             writer.close()
 
-    asyncio.run(asyncio.wait_for(at_the_door(act, room=4), 10.0))
+    asyncio.run(asyncio.wait_for(with_limiter(act, max_connections=4), 10.0))
 
 
-def test_an_allowance_lets_some_at_once_and_then_so_many_a_second():
+def test_the_rate_limiter_allows_a_burst_and_then_the_rate():
     now, slept = [0.0], []
 
     async def sleep(seconds):
@@ -220,9 +220,9 @@ def test_an_allowance_lets_some_at_once_and_then_so_many_a_second():
 
     async def take(number):
         for _ in range(number):
-            await allowance.take()
+            await limiter.acquire()
 
-    allowance = Allowance(rate=10.0, burst=5, clock=lambda: now[0], sleep=sleep)
+    limiter = RateLimiter(rate=10.0, burst=5, clock=lambda: now[0], sleep=sleep)
     asyncio.run(take(5))
     assert slept == []
     asyncio.run(take(20))

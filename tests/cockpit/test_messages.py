@@ -1,4 +1,4 @@
-"""What a page may say: everything else is refused, with a reason."""
+"""Messages of the protocol are parsed, everything else is rejected."""
 
 import json
 
@@ -6,8 +6,8 @@ import pytest
 
 from drake_shared.cockpit.messages import (
     MAX_BYTES,
-    BadMessage,
     Engage,
+    MessageError,
     Move,
     Release,
     SetAssist,
@@ -19,7 +19,7 @@ from drake_shared.systems.mouse_input import StickSettings
 MOVE = {"type": "move", "x": 1, "y": -2.5, "forward": 0.5, "turn": -1}
 
 
-def test_reads_what_the_page_sends():
+def test_parses_the_messages_of_the_page():
     assert parse(json.dumps(MOVE)) == Move(x=1.0, y=-2.5, forward=0.5, turn=-1.0)
     assert parse('{"type": "engage"}') == Engage()
     assert parse('{"type": "release"}') == Release()
@@ -55,12 +55,12 @@ def test_reads_what_the_page_sends():
         json.dumps(MOVE | {"z": 0}),
     ],
 )
-def test_refuses_everything_else(text):
+def test_rejects_everything_else(text):
     assert len(text) <= MAX_BYTES
-    with pytest.raises(BadMessage):
+    with pytest.raises(MessageError):
         parse(text)
 
 
-def test_what_the_page_sends_is_far_below_the_limit():
+def test_the_longest_message_of_the_page_is_far_below_the_limit():
     widest = MOVE | {"x": -123456789.12345678, "y": 123456789.12345678, "forward": -0.99, "turn": 0.99}
     assert 4 * len(json.dumps(widest)) < MAX_BYTES

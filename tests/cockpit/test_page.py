@@ -1,4 +1,4 @@
-"""The page in a real browser: real mouse events drive the robot, and nothing else does."""
+"""The page in a real browser, driven by real mouse and keyboard events."""
 
 import http.server
 import itertools
@@ -14,34 +14,34 @@ STATUS = "#status"
 
 
 class Page:
-    """A window on the cockpit, with what its console complained of."""
+    """A browser window with the page, and the errors of its console."""
 
     def __init__(self, context, cockpit):
         self.cockpit = cockpit
-        self.complaints: list[str] = []
+        self.console_errors: list[str] = []
         self.page = context.new_page()
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("pageerror", lambda error: self.console_errors.append(str(error)))
         self.page.on("console", self._listen)
 
     def _listen(self, message):
         if message.type == "error":
-            self.complaints.append(message.text)
+            self.console_errors.append(message.text)
 
     def open(self, *, drawn: bool = False) -> "Page":
         self.page.goto(self.cockpit.address)
         self.page.wait_for_selector("#deck[data-phase]:not([data-phase=connecting])")
         if not drawn:
-            # Without a graphics card the scene takes most of the time, and most tests do not look.
+            # Without a graphics card rendering takes most of the time, and most tests do not need it.
             self.page.evaluate("viewer.animate = () => {}; do_reconnect = false; viewer.connection.close()")
         return self
 
     def engage(self) -> "Page":
         self.page.click("#drive:enabled")
-        self.page.wait_for_selector("body[data-seat=yours]")
+        self.page.wait_for_selector("body[data-driver-lock=yours]")
         return self
 
     def push_forward(self, counts: int = 250, steps: int = 25):
-        """Moves the mouse away from the driver, as a hand does, from the button that was clicked."""
+        """Moves the mouse away from the driver in small steps, starting at the button."""
         box = self.page.locator("#drive").bounding_box()
         x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
         for step in range(1, steps + 1):
@@ -67,13 +67,13 @@ def window(browser_context, cockpit):
 
 @pytest.fixture(scope="module")
 def lasting_pages(lasting_context):
-    """The windows that tests leave open for the next."""
+    """Windows that tests leave open for the next test."""
     return []
 
 
 @pytest.fixture
 def driving(lasting_pages, lasting_context, long_cockpit, until):
-    """A window whose driver pushes forward, with the robot under way and the goal far."""
+    """A window whose driver pushes forward, with the robot moving and the goal far away."""
     if not lasting_pages or lasting_pages[-1].page.is_closed():
         lasting_pages.append(Page(lasting_context, long_cockpit).open())
     page = lasting_pages[-1].engage()
@@ -85,14 +85,14 @@ def driving(lasting_pages, lasting_context, long_cockpit, until):
 
 
 def assert_stopped_within(cockpit, since: float, limit: float = 0.2):
-    """The command was zero at most ``limit`` after ``since``, but for what the machine itself stalled."""
+    """Asserts that the command was zero ``limit`` after ``since``, plus the longest stall of this machine."""
     readings = list(cockpit.mouse.readings)
-    stopped = next(now for now, _, command in readings if now > since and not command.any())
+    stopped = next(now for now, _, command, _ in readings if now > since and not command.any())
     stall = max(b[0] - a[0] for a, b in itertools.pairwise(readings))
     assert stopped - since <= limit + stall
 
 
-def assert_kept_and_at_rest(cockpit, trial, status):
+def assert_saved_and_at_rest(cockpit, trial, status):
     assert trial.status == status
     assert abs(trial["wheel_left"][-1]) + abs(trial["wheel_right"][-1]) <= 1e-6
     wheels = np.stack([trial["wheel_left"], trial["wheel_right"]])
@@ -100,12 +100,12 @@ def assert_kept_and_at_rest(cockpit, trial, status):
     fastest = np.abs(np.diff(wheels) / np.diff(trial["t"])).max()
     assert fastest <= robot.max_acceleration / robot.wheel_radius + 1e-6
     assert len(list(cockpit.record.iterdir())) == 1
-    assert cockpit.seat.holder is None
+    assert cockpit.driver_lock.holder is None
 
 
-# How many colours the picture of the scene has, where it can be read: with a graphics card it cannot.
+# Number of colours in the rendered scene. With a graphics card the pixels cannot be read.
 COLORS = """() => {
-  const canvas = document.querySelector("#meshcat-pane canvas.far");
+  const canvas = document.querySelector("#meshcat-pane canvas.readback");
   if (!canvas) return Infinity;
   const { width, height } = canvas;
   const pixels = new Uint32Array(canvas.getContext("2d").getImageData(0, 0, width, height).data.buffer);
@@ -113,15 +113,15 @@ COLORS = """() => {
 }"""
 
 
-def test_the_mouse_drives_to_the_goal_and_the_page_tells_how_it_went(window, cockpit):
+def test_the_mouse_drives_to_the_goal_and_the_page_shows_the_result(window, cockpit):
     page = window(drawn=True)
     assert page.page.url == cockpit.origin + "/"
     assert re.search("Click (Drive|Again)", page.text(STATUS))
     assert page.text("#drive") in ("Drive", "Again")
     assert page.page.title() == "drake_shared: short_floor"
     page.engage()
-    assert page.page.evaluate("document.pointerLockElement?.id") == "pad"
-    assert page.page.is_visible("#pad")
+    assert page.page.evaluate("document.pointerLockElement?.id") == "mouse-area"
+    assert page.page.is_visible("#mouse-area")
     page.wait_for_text(STATUS, "first move")
     assert page.page.evaluate(COLORS) > 5
     page.push_forward()
@@ -131,16 +131,16 @@ def test_the_mouse_drives_to_the_goal_and_the_page_tells_how_it_went(window, coc
     assert trial.status == "reached"
     assert trial["mouse_y"][-1] < 0
     page.wait_for_text("#outcome", "Goal reached")
-    assert page.text("#helped") == "with assistance"
+    assert page.text("#assistance-used") == "with assistance"
     assert re.search(r"Effort\s+\d+ rad", page.text("#metrics"))
     assert f"Saved as {next(cockpit.record.iterdir()).name}" in page.text("#saved")
     assert page.text("#drive") == "Again"
     page.page.wait_for_function("document.pointerLockElement === null")
-    assert not page.page.is_visible("#pad")
-    assert page.complaints == []
+    assert not page.page.is_visible("#mouse-area")
+    assert page.console_errors == []
 
 
-def test_again_and_the_assistance_switch(window, cockpit):
+def test_the_assistance_switch_takes_effect_in_the_next_trial(window, cockpit):
     page = window()
     page.page.click("#assist-row")
     for number in (1, 2):
@@ -150,7 +150,7 @@ def test_again_and_the_assistance_switch(window, cockpit):
         page.wait_for_text("#outcome", "Goal reached")
         page.page.wait_for_selector("#drive:enabled")
         assert trial.metadata["mode"] == ("human" if number == 1 else "shared")
-        assert page.text("#helped") == ("without assistance" if number == 1 else "with assistance")
+        assert page.text("#assistance-used") == ("without assistance" if number == 1 else "with assistance")
         page.page.click("#assist-row")
     assert cockpit.trials[1]["x"][0] == 0.0
 
@@ -164,17 +164,17 @@ def test_arrow_keys_drive_too(window, cockpit):
     assert trial["stick_forward"].max() == 1.0
 
 
-def test_the_instruments_show_the_drive(driving):
+def test_the_page_shows_the_running_trial(driving):
     driving.wait_for_text(STATUS, "You are driving")
     driving.wait_for_text("#human-share", r"\d+ %")
     driving.wait_for_text("#confidence", r"\d+ %")
     driving.wait_for_text("#speed", r"0\.[1-9]\d m/s")
     driving.page.wait_for_function("+document.querySelector('#time-left').innerText < 59.9")
-    # The knob of the stick is where the mouse has pushed it: at the upper end.
+    # The knob of the stick plot is at the upper end.
     assert "-0." in driving.page.get_attribute("#stick-plot .knob", "transform")
 
 
-def test_hands_off_is_said_and_stops_the_robot(long_cockpit, browser_context):
+def test_hands_off_stops_the_robot_and_is_shown(long_cockpit, browser_context):
     page = Page(browser_context, long_cockpit).open().engage()
     page.page.keyboard.press("ArrowUp", delay=400)
     page.wait_for_text(STATUS, "Hands off: stopping")
@@ -189,22 +189,22 @@ def test_escape_stops(driving, long_cockpit):
     cockpit = long_cockpit
     driving.page.keyboard.press("Escape")
     trial = cockpit.next_trial()
-    assert_kept_and_at_rest(cockpit, trial, "stopped")
+    assert_saved_and_at_rest(cockpit, trial, "stopped")
     driving.wait_for_text("#outcome", "Stopped")
 
 
 def test_leaving_the_pointer_lock_stops(driving, long_cockpit):
     driving.page.evaluate("document.exitPointerLock()")
-    assert_kept_and_at_rest(long_cockpit, long_cockpit.next_trial(), "stopped")
+    assert_saved_and_at_rest(long_cockpit, long_cockpit.next_trial(), "stopped")
 
 
-def test_closing_the_tab_stops_the_robot_and_frees_the_seat(driving, long_cockpit, browser_context):
+def test_closing_the_tab_stops_the_robot_and_frees_the_lock(driving, long_cockpit, browser_context):
     cockpit = long_cockpit
     driving.page.close()
     trial = cockpit.next_trial()
-    last_heard = cockpit.mouse.readings[-1][1]
-    assert_stopped_within(cockpit, last_heard)
-    assert_kept_and_at_rest(cockpit, trial, "page_closed")
+    last_arrival = cockpit.mouse.readings[-1][1]
+    assert_stopped_within(cockpit, last_arrival)
+    assert_saved_and_at_rest(cockpit, trial, "page_closed")
     Page(browser_context, cockpit).open().engage()
 
 
@@ -213,31 +213,29 @@ def test_reloading_stops_the_robot_and_needs_a_fresh_click(driving, long_cockpit
     driving.page.reload()
     trial = cockpit.next_trial()
     assert_stopped_within(cockpit, cockpit.mouse.readings[-1][1])
-    assert_kept_and_at_rest(cockpit, trial, "page_closed")
+    assert_saved_and_at_rest(cockpit, trial, "page_closed")
     driving.wait_for_phase("finished")
     driving.push_forward()
-    assert driving.page.get_attribute("body", "data-seat") == "free"
-    assert cockpit.seat.holder is None
+    assert driving.page.get_attribute("body", "data-driver-lock") == "free"
+    assert cockpit.driver_lock.holder is None
 
 
-def test_a_frozen_page_stops_the_robot_and_loses_the_seat(driving, long_cockpit):
+def test_a_frozen_page_stops_the_robot_and_loses_the_lock(driving, long_cockpit):
     cockpit = long_cockpit
     driving.page.evaluate(
         "setTimeout(() => { const end = performance.now() + 4000; while (performance.now() < end); }, 0)"
     )
     trial = cockpit.next_trial()
     assert_stopped_within(cockpit, cockpit.mouse.readings[-1][1])
-    assert_kept_and_at_rest(cockpit, trial, "page_closed")
-    # Awake again it has no seat, and may ask for it.
-    driving.page.wait_for_selector("body[data-seat=free]")
+    assert_saved_and_at_rest(cockpit, trial, "page_closed")
+    # Once it runs again it does not hold the lock, and may engage.
+    driving.page.wait_for_selector("body[data-driver-lock=free]")
     driving.page.wait_for_selector("#drive:enabled")
-    assert not driving.page.is_visible("#pad")
-    assert cockpit.seat.holder is None
+    assert not driving.page.is_visible("#mouse-area")
+    assert cockpit.driver_lock.holder is None
 
 
-def test_a_second_window_watches_and_the_freed_seat_needs_its_click(
-    browser_context, other_context, long_cockpit, until
-):
+def test_a_second_window_watches_and_must_click_to_drive(browser_context, other_context, long_cockpit, until):
     first = Page(browser_context, long_cockpit).open()
     second = Page(other_context, long_cockpit).open()
     first.engage()
@@ -253,7 +251,7 @@ def test_a_second_window_watches_and_the_freed_seat_needs_its_click(
     assert long_cockpit.next_trial().status == "stopped"
     second.wait_for_text("#outcome", "Stopped")
     second.page.wait_for_selector("#drive:enabled")
-    assert long_cockpit.seat.holder is None
+    assert long_cockpit.driver_lock.holder is None
     second.engage()
     first.wait_for_text(STATUS, "Someone else is driving")
 
@@ -263,14 +261,14 @@ def test_settings_take_effect_and_show_on_every_window(window, cockpit, until):
     first.page.fill("#gain", "1")
     first.page.fill("#dead-zone", "0.2")
     first.page.fill("#return-time", "1.5")
-    until(lambda: cockpit.seat.latest().stick.return_time == 1.5, "the settings")
-    stick = cockpit.seat.latest().stick
+    until(lambda: cockpit.driver_lock.latest().stick.return_time == 1.5, "the settings")
+    stick = cockpit.driver_lock.latest().stick
     assert (stick.gain, stick.dead_zone) == (0.01, 0.2)
     second.wait_for_text("#gain-value", "1.00 %")
     second.wait_for_text("#return-time-value", "1.5 s")
 
 
-def test_a_window_that_talks_nonsense_is_thrown_out_and_the_drive_goes_on(driving, long_cockpit):
+def test_a_window_that_sends_bad_messages_is_disconnected_and_the_drive_goes_on(driving, long_cockpit):
     closed = driving.page.evaluate(
         """async () => {
           const closed = [];
@@ -290,10 +288,10 @@ def test_a_window_that_talks_nonsense_is_thrown_out_and_the_drive_goes_on(drivin
     before = long_cockpit.mouse.readings[-1][1]
     driving.page.wait_for_timeout(100)
     assert long_cockpit.mouse.readings[-1][1] > before
-    assert driving.page.get_attribute("body", "data-seat") == "yours"
+    assert driving.page.get_attribute("body", "data-driver-lock") == "yours"
 
 
-def test_the_wrong_key_shows_nothing(browser_context, cockpit):
+def test_nothing_is_shown_for_a_wrong_key(browser_context, cockpit):
     page = browser_context.new_page()
     for address in (cockpit.origin + "/", cockpit.origin + "/?k=wrong"):
         assert page.goto(address).status == 403
@@ -313,7 +311,7 @@ for (const path of ["", "cockpit/main.js", "drive", "favicon.ico"]) {
   for (const method of ["GET", "POST", "DELETE"]) {
     fetch("ORIGIN/" + path, { method, credentials: "include" }).then(...note(`${method} /${path}`));
   }
-  // Not readable, but would it be answered?
+  // The response is not readable here; the request must be refused nevertheless.
   fetch("ORIGIN/" + path, { mode: "no-cors", credentials: "include" }).then(...note(`blind /${path}`));
   for (const [tag, attribute] of [["script", "src"], ["img", "src"], ["link", "href"]]) {
     const part = document.createElement(tag);
@@ -337,7 +335,7 @@ TRIED = 2 + 4 * (3 + 1 + 3)
 
 @pytest.fixture
 def foreign_page():
-    """Serves a page of another server on this computer, that is after a cockpit: same site, other origin."""
+    """Serves a page that attacks a cockpit from another port of this computer: same site, other origin."""
     body = []
 
     class Elsewhere(http.server.BaseHTTPRequestHandler):
@@ -352,25 +350,25 @@ def foreign_page():
 
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as server:
 
-        def after(cockpit):
+        def attack(cockpit):
             page = FOREIGN.replace(b"ORIGIN", cockpit.origin.encode())
             body.append(page.replace(b"WS", cockpit.origin.replace("http", "ws").encode()))
             return f"http://localhost:{server.server_address[1]}/"
 
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
-        yield after
+        yield attack
         server.shutdown()
         thread.join()
 
 
 @pytest.mark.parametrize("host", ["localhost", "127.0.0.1"])
-def test_a_page_from_elsewhere_neither_drives_nor_reads_nor_stops(
+def test_a_foreign_page_neither_drives_nor_reads_nor_stops(
     driving, lasting_context, long_cockpit, foreign_page, other_context, host
 ):
-    """From another port, with the key's cookie at hand, and from another site, while someone drives."""
+    """From another port with the cookie, and from another site, while someone drives."""
     cockpit = long_cockpit
-    # The driver's own window must keep the focus; what counts is that the cookies are those of a driver.
+    # The driver's window must keep the focus, so another context gets the driver's cookies.
     other_context.add_cookies(lasting_context.cookies())
     page = other_context.new_page()
     page.goto(foreign_page(cockpit).replace("localhost", host))
@@ -381,11 +379,11 @@ def test_a_page_from_elsewhere_neither_drives_nor_reads_nor_stops(
     before = cockpit.mouse.readings[-1][1]
     driving.page.wait_for_timeout(100)
     assert cockpit.mouse.readings[-1][1] > before
-    assert driving.page.get_attribute("body", "data-seat") == "yours"
+    assert driving.page.get_attribute("body", "data-driver-lock") == "yours"
     assert np.all(cockpit.command > 0)
 
 
-def test_the_end_of_the_program_is_told(browser_context, start_cockpit, short_floor):
+def test_the_end_of_the_program_is_shown(browser_context, start_cockpit, short_floor):
     cockpit = start_cockpit(short_floor)
     page = Page(browser_context, cockpit).open()
     cockpit.stop()
@@ -396,13 +394,13 @@ def test_the_end_of_the_program_is_told(browser_context, start_cockpit, short_fl
 def test_a_simulated_operator_is_watched(browser_context, start_cockpit, scenario, route_learner):
     cockpit = start_cockpit(scenario, route_learner(scenario, variance=np.nan), operator="surrogate")
     page = Page(browser_context, cockpit).open()
-    page.wait_for_text(STATUS, "The learner gives no numbers: the human drives alone")
+    page.wait_for_text(STATUS, "The learner outputs NaN: the human drives alone")
     assert not page.page.is_visible("#drive")
     assert not page.page.is_visible("#settings")
     page.wait_for_text("#legend .human", "Human")
     page.wait_for_text("#human-share", "100 %")
     page.wait_for_text("#confidence", "–")
-    assert page.complaints == []
+    assert page.console_errors == []
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (800, 600)])
@@ -419,10 +417,10 @@ def test_nothing_overlaps_and_nothing_is_cut_off(browser, cockpit, size):
     faults += page.page.evaluate(LAYOUT)
     context.close()
     assert faults == []
-    assert page.complaints == []
+    assert page.console_errors == []
 
 
-# Every visible text and control lies inside the window and inside its box, and none covers another.
+# Returns which visible texts and controls leave the window or their box, or overlap.
 LAYOUT = """() => {
   const faults = [];
   const seen = (element) => element.checkVisibility() && element.getBoundingClientRect().width > 1;

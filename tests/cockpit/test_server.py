@@ -1,4 +1,4 @@
-"""The server without a browser: who gets in, who drives, and what happens to those who misbehave."""
+"""The server without a browser: access, the driver lock, and clients that violate the protocol."""
 
 import asyncio
 import json
@@ -22,7 +22,7 @@ def meshcat():
 
 @pytest.fixture
 def server(meshcat):
-    with CockpitServer(meshcat_url=meshcat.web_url(), seat=DriverLock(), port=0) as server:
+    with CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=DriverLock(), port=0) as server:
         yield server
 
 
@@ -30,7 +30,7 @@ def origin_of(server: CockpitServer) -> str:
     return f"http://localhost:{server.port}"
 
 
-async def enter(http: aiohttp.ClientSession, server: CockpitServer) -> None:
+async def authenticate(http: aiohttp.ClientSession, server: CockpitServer) -> None:
     async with http.get(server.address) as answer:
         assert answer.status == 200
 
@@ -40,7 +40,7 @@ def connect(http: aiohttp.ClientSession, server: CockpitServer, **options):
     return http.ws_connect(f"{origin_of(server)}/drive", **options)
 
 
-async def hear(page: aiohttp.ClientWebSocketResponse, topic: str) -> dict:
+async def receive(page: aiohttp.ClientWebSocketResponse, topic: str) -> dict:
     while True:
         message = await page.receive_json()
         if message["type"] == topic:
@@ -54,7 +54,7 @@ def move(**fields) -> str:
 ENGAGE = json.dumps({"type": "engage"})
 
 
-def test_the_key_leaves_a_cookie_and_goes_from_the_address(server, client):
+def test_the_key_becomes_a_cookie_and_leaves_the_address(server, client):
     async def talk(http):
         async with http.get(server.address, allow_redirects=False) as answer:
             assert answer.status == 303
@@ -74,13 +74,13 @@ def test_the_key_leaves_a_cookie_and_goes_from_the_address(server, client):
     assert page.count("/cockpit/main.js") == 1
 
 
-def test_every_part_of_the_page_is_served_from_here(server, client):
+def test_all_files_of_the_page_are_served_locally(server, client):
     async def talk(http):
-        await enter(http, server)
+        await authenticate(http, server)
         async with http.get(f"{origin_of(server)}/") as answer:
             page = await answer.text()
         (part,) = re.findall(r'src="(cas-v1/[0-9a-f]+)"', page)
-        own = ["main.js", "connection.js", "pad.js", "axes.js", "panel.js", "overlay.html", "cockpit.css"]
+        own = ["main.js", "connection.js", "mouse.js", "axes.js", "panel.js", "overlay.html", "cockpit.css"]
         kinds = {}
         for path in [part, *(f"cockpit/{name}" for name in own)]:
             async with http.get(f"{origin_of(server)}/{path}") as answer:
@@ -96,7 +96,7 @@ def test_every_part_of_the_page_is_served_from_here(server, client):
 
 
 @pytest.mark.parametrize("path", ["/", "/?k=wrong", "/drive", "/cockpit/main.js", "/favicon.ico"])
-def test_without_the_key_nothing_is_shown(server, client, path):
+def test_nothing_is_served_without_the_key(server, client, path):
     async def talk(http):
         async with http.get(f"{origin_of(server)}{path}") as answer:
             return answer.status, await answer.text()
@@ -109,7 +109,7 @@ def test_without_the_key_nothing_is_shown(server, client, path):
 @pytest.mark.parametrize("path", ["/cockpit/../server.py", "/cockpit/%2e%2e/server.py", "/cas-v1/../x"])
 def test_nothing_but_the_page_is_served(server, client, path):
     async def talk(http):
-        await enter(http, server)
+        await authenticate(http, server)
         from yarl import URL
 
         async with http.get(URL(f"{origin_of(server)}{path}", encoded=True)) as answer:
@@ -122,9 +122,9 @@ def test_nothing_but_the_page_is_served(server, client, path):
 @pytest.mark.parametrize(
     "origin", [None, "http://localhost:1", "http://evil.example", "https://localhost:{port}", "null"]
 )
-def test_a_page_from_elsewhere_gets_no_socket_even_with_the_cookie(server, client, origin, path):
+def test_a_foreign_page_gets_no_websocket_even_with_the_cookie(server, client, origin, path):
     async def talk(http):
-        await enter(http, server)
+        await authenticate(http, server)
         given = origin and origin.format(port=server.port)
         try:
             async with http.ws_connect(f"{origin_of(server)}{path}", origin=given):
@@ -135,9 +135,9 @@ def test_a_page_from_elsewhere_gets_no_socket_even_with_the_cookie(server, clien
     assert client(talk) == 403
 
 
-def test_a_name_that_points_here_but_is_not_ours_is_refused(server, client):
+def test_a_foreign_host_name_is_refused(server, client):
     async def talk(http):
-        await enter(http, server)
+        await authenticate(http, server)
         async with http.get(
             f"{origin_of(server)}/", headers={"Host": f"evil.example:{server.port}"}
         ) as answer:
@@ -156,42 +156,42 @@ def test_a_forwarded_port_works(server, client):
     assert client(talk) == 303
 
 
-def test_a_sample_comes_to_the_seat(server, client):
+def test_a_sample_reaches_the_driver_lock(server, client):
     async def talk(http):
-        await enter(http, server)
+        await authenticate(http, server)
         async with connect(http, server) as page:
-            assert (await hear(page, "seat"))["state"] == "free"
+            assert (await receive(page, "seat"))["state"] == "free"
             await page.send_str(ENGAGE)
-            assert (await hear(page, "seat"))["state"] == "yours"
+            assert (await receive(page, "seat"))["state"] == "yours"
             await page.send_str(move(x=12, y=-7, forward=0.25))
-            while server.seat.latest().x != 12:
+            while server.driver_lock.latest().x != 12:
                 await asyncio.sleep(0.002)
-            return server.seat.latest()
+            return server.driver_lock.latest()
 
     sample = client(talk)
     assert (sample.engaged, sample.y, sample.forward) == (True, -7, 0.25)
-    assert server.seat.holder is None
+    assert server.driver_lock.holder is None
 
 
 def test_a_second_window_may_watch_but_not_drive(server, client):
     async def talk(http):
-        await enter(http, server)
+        await authenticate(http, server)
         async with connect(http, server) as first, connect(http, server) as second:
-            await hear(second, "seat")
+            await receive(second, "seat")
             await first.send_str(ENGAGE)
-            assert (await hear(second, "seat"))["state"] == "taken"
+            assert (await receive(second, "seat"))["state"] == "taken"
             await second.send_str(ENGAGE)
-            refusal = await hear(second, "seat")
+            refusal = await receive(second, "seat")
             assert (refusal["state"], refusal["refused"]) == ("taken", True)
             await second.send_str(move(x=500))
             await second.send_str(json.dumps({"type": "assist", "on": False}))
-            assert (await hear(second, "seat"))["refused"]
+            assert (await receive(second, "seat"))["refused"]
             server.publish("now", {"t": 1.5})
-            assert (await hear(second, "now"))["t"] == 1.5
-            sample = server.seat.latest()
+            assert (await receive(second, "now"))["t"] == 1.5
+            sample = server.driver_lock.latest()
             await first.close()
-            assert (await hear(second, "seat"))["state"] == "free"
-            return sample, server.seat.latest().engaged, server.seat.assist
+            assert (await receive(second, "seat"))["state"] == "free"
+            return sample, server.driver_lock.latest().engaged, server.driver_lock.assist
 
     sample, engaged_afterwards, assist = client(talk)
     assert sample.x == 0
@@ -209,11 +209,11 @@ def test_a_second_window_may_watch_but_not_drive(server, client):
         (move() + " " * 100_000, 1009),
         (b"\x93\xff\xff", 1003),
     ],
-    ids=["no JSON", "NaN", "out of range", "oversized", "huge", "binary"],
+    ids=["not JSON", "NaN", "out of range", "oversized", "huge", "binary"],
 )
-def test_who_talks_nonsense_is_thrown_out_and_the_drive_goes_on(server, client, bad, code):
+def test_a_bad_message_disconnects_the_page_and_the_drive_goes_on(server, client, bad, code):
     async def talk(http):
-        await enter(http, server)
+        await authenticate(http, server)
         async with connect(http, server) as driver, connect(http, server) as other:
             await driver.send_str(ENGAGE)
             await driver.send_str(move(x=5))
@@ -221,9 +221,9 @@ def test_who_talks_nonsense_is_thrown_out_and_the_drive_goes_on(server, client, 
             while (message := await other.receive()).type is WSMsgType.TEXT:
                 pass
             await driver.send_str(move(x=6))
-            while server.seat.latest().x != 6:
+            while server.driver_lock.latest().x != 6:
                 await asyncio.sleep(0.002)
-            return message, server.seat.latest().engaged
+            return message, server.driver_lock.latest().engaged
 
     message, engaged = client(talk)
     assert message.type in (WSMsgType.CLOSE, WSMsgType.CLOSED)
@@ -232,29 +232,29 @@ def test_who_talks_nonsense_is_thrown_out_and_the_drive_goes_on(server, client, 
     assert engaged
 
 
-def test_a_driver_who_talks_nonsense_loses_the_seat(server, client):
+def test_a_driver_who_sends_a_bad_message_loses_the_lock(server, client):
     async def talk(http):
-        await enter(http, server)
+        await authenticate(http, server)
         async with connect(http, server) as driver:
             await driver.send_str(ENGAGE)
             await driver.send_str(move(turn=1))
             await driver.send_str("{")
             while (await driver.receive()).type is WSMsgType.TEXT:
                 pass
-            while server.seat.holder is not None:
+            while server.driver_lock.holder is not None:
                 await asyncio.sleep(0.002)
-            return server.seat.latest()
+            return server.driver_lock.latest()
 
     sample = client(talk)
     assert (sample.engaged, sample.turn) == (False, 0)
 
 
-def test_a_silent_driver_loses_the_seat(meshcat, client):
-    seat = DriverLock(silent_after=0.2)
-    with CockpitServer(meshcat_url=meshcat.web_url(), seat=seat, port=0) as server:
+def test_a_driver_who_sends_nothing_loses_the_lock(meshcat, client):
+    lock = DriverLock(lost_after=0.2)
+    with CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=lock, port=0) as server:
 
         async def talk(http):
-            await enter(http, server)
+            await authenticate(http, server)
             async with connect(http, server) as driver:
                 await driver.send_str(ENGAGE)
                 while (message := await driver.receive()).type is WSMsgType.TEXT:
@@ -262,18 +262,18 @@ def test_a_silent_driver_loses_the_seat(meshcat, client):
                 return message
 
         message = client(talk)
-    assert (message.data, message.extra) == (1008, "no sign of life")
-    assert seat.holder is None
+    assert (message.data, message.extra) == (1008, "no heartbeat")
+    assert lock.holder is None
 
 
-def test_what_a_page_says_to_drake_never_reaches_it(server, client, meshcat):
+def test_messages_of_a_page_never_reach_drake(server, client, meshcat):
     async def talk(http):
-        await enter(http, server)
+        await authenticate(http, server)
         async with http.ws_connect(
             f"{origin_of(server)}/", origin=origin_of(server), max_msg_size=0
         ) as scene:
             assert (await scene.receive()).type is WSMsgType.BINARY
-            # One such byte would end the process; a gamepad from a page would steer whoever reads it.
+            # One such byte would abort the process; a gamepad message would steer the gamepad's readers.
             await scene.send_bytes(b"\xc1")
             await scene.send_bytes(
                 b"\x83\xa4type\xa7gamepad\xa4name\xa0\xa7gamepad\x82\xa5index\x00\xa4axes\x91\x01"
@@ -285,46 +285,46 @@ def test_what_a_page_says_to_drake_never_reaches_it(server, client, meshcat):
     assert meshcat.GetGamepad().index is None
 
 
-def test_a_late_page_is_told_how_things_stand_and_a_slow_one_the_newest(server, client):
+def test_a_late_page_receives_the_newest_message_of_every_topic(server, client):
     for t in range(1000):
         server.publish("now", {"t": t})
     server.publish("trial", {"phase": "ready"})
 
     async def talk(http):
-        await enter(http, server)
+        await authenticate(http, server)
         async with connect(http, server) as page:
-            return (await hear(page, "now"))["t"], (await hear(page, "trial"))["phase"]
+            return (await receive(page, "now"))["t"], (await receive(page, "trial"))["phase"]
 
     assert client(talk) == (999, "ready")
 
 
-def test_a_port_in_use_is_said_with_the_way_out(server, meshcat):
-    other = CockpitServer(meshcat_url=meshcat.web_url(), seat=DriverLock(), port=server.port)
-    with pytest.raises(InputError, match=rf"port {server.port} is in use .*--port"):
+def test_a_port_in_use_is_an_input_error(server, meshcat):
+    other = CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=DriverLock(), port=server.port)
+    with pytest.raises(InputError, match=f"port {server.port}"):
         other.start()
 
 
 @pytest.mark.parametrize(
     ("options", "message"), [({"port": 70000}, "--port"), ({"host": "203.0.113.7"}, "--host")]
 )
-def test_an_address_that_cannot_be_listened_on_is_said(meshcat, options, message):
-    server = CockpitServer(meshcat_url=meshcat.web_url(), seat=DriverLock(), **options)
+def test_an_invalid_address_is_an_input_error(meshcat, options, message):
+    server = CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=DriverLock(), **options)
     with pytest.raises(InputError, match=message):
         server.start()
 
 
-def test_the_end_is_told_to_pages_and_the_thread_ends(meshcat, client):
-    server = CockpitServer(meshcat_url=meshcat.web_url(), seat=DriverLock(), port=0)
+def test_stopping_closes_the_pages_and_ends_the_thread(meshcat, client):
+    server = CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=DriverLock(), port=0)
     server.start()
 
     async def talk(http):
-        await enter(http, server)
+        await authenticate(http, server)
         async with connect(http, server) as page:
-            await hear(page, "seat")
+            await receive(page, "seat")
             await asyncio.get_running_loop().run_in_executor(None, server.stop)
             while (message := await page.receive()).type is WSMsgType.TEXT:
                 pass
             return message.data, message.extra
 
     assert client(talk) == (1001, "ended")
-    server.publish("now", {"t": 0})  # Nobody is left, and nothing happens.
+    server.publish("now", {"t": 0})  # No page is left; nothing happens.

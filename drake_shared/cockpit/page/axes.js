@@ -1,8 +1,8 @@
-// Arrow keys and gamepad as two axes in [-1, 1]: forward, and turn with the left positive.
+// Combines arrow keys and gamepad into two axes in [-1, 1]: forward, and turn (positive to the left).
 
 const PERIOD = 20; // ms
-const PRESS = PERIOD / 250; // A held key reaches the end of its axis in 250 ms,
-const LET_GO = PERIOD / 100; // and is back at the centre in 100 ms.
+const PRESS_STEP = PERIOD / 250; // A held key takes 250 ms to full deflection,
+const RELEASE_STEP = PERIOD / 100; // a released one 100 ms back to the centre.
 const KEYS = {
   ArrowUp: ["forward", 1],
   ArrowDown: ["forward", -1],
@@ -20,8 +20,8 @@ export class Axes {
   #timer = null;
 
   constructor() {
-    window.addEventListener("keydown", (event) => this.#key(event, true), { capture: true });
-    window.addEventListener("keyup", (event) => this.#key(event, false), { capture: true });
+    window.addEventListener("keydown", (event) => this.#onKey(event, true), { capture: true });
+    window.addEventListener("keyup", (event) => this.#onKey(event, false), { capture: true });
   }
 
   start() {
@@ -36,10 +36,10 @@ export class Axes {
     this.forward = this.turn = 0;
   }
 
-  #key(event, down) {
+  #onKey(event, down) {
     if (this.#timer === null) return;
     if (event.key === "Escape" && down) this.onEscape();
-    // A key that drives, or presses the button that has the focus, must not do what it does elsewhere.
+    // While driving, these keys must neither scroll nor press the button that has the focus.
     if (event.key in KEYS || event.key === " " || event.key === "Enter") event.preventDefault();
     if (!(event.key in KEYS)) return;
     if (down) this.#held.add(event.key);
@@ -52,9 +52,9 @@ export class Axes {
     const target = { forward: 0, turn: 0 };
     for (const key of this.#held) target[KEYS[key][0]] += KEYS[key][1];
     for (const axis of ["forward", "turn"]) {
-      const way = target[axis] - this.#keys[axis];
-      const step = target[axis] === 0 ? LET_GO : PRESS;
-      this.#keys[axis] += Math.sign(way) * Math.min(Math.abs(way), step);
+      const difference = target[axis] - this.#keys[axis];
+      const step = target[axis] === 0 ? RELEASE_STEP : PRESS_STEP;
+      this.#keys[axis] += Math.sign(difference) * Math.min(Math.abs(difference), step);
     }
     const gamepad = firstGamepad();
     this.forward = clamp(this.#keys.forward - (gamepad?.axes[1] ?? 0));
@@ -68,7 +68,7 @@ function firstGamepad() {
   return [...gamepads].find((gamepad) => gamepad?.connected && gamepad.axes.length >= 2);
 }
 
-// Two digits: the last ones of a gamepad at rest never stand still.
+// Rounded to two digits, since a gamepad at rest is noisy.
 function clamp(value) {
   return Math.round(100 * Math.min(Math.max(value, -1), 1)) / 100;
 }

@@ -1,4 +1,4 @@
-// The websocket to the cockpit's server: JSON both ways, and a new try when it is lost.
+// The websocket to the server: JSON in both directions, reconnects when the connection is lost.
 
 const RETRY = 1000; // ms
 
@@ -19,14 +19,14 @@ export class Connection {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
     const socket = new WebSocket(`${scheme}//${location.host}${this.#path}`);
     this.#socket = socket;
-    socket.onopen = () => this.#tell("open");
+    socket.onopen = () => this.#dispatch("open");
     socket.onmessage = (event) => {
       const message = JSON.parse(event.data);
-      this.#tell(message.type, message);
+      this.#dispatch(message.type, message);
     };
     socket.onclose = (event) => {
       this.#socket = null;
-      this.#tell("close", event.reason);
+      this.#dispatch("close", event.reason);
       setTimeout(() => this.open(), RETRY);
     };
   }
@@ -35,7 +35,7 @@ export class Connection {
     if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
   }
 
-  #tell(type, content) {
+  #dispatch(type, content) {
     this.#listeners.get(type)?.(content);
   }
 }

@@ -1,13 +1,13 @@
-// Starts the cockpit on top of Drake's Meshcat page: who says what to whom.
+// Starts the cockpit on top of Drake's Meshcat page, and connects its parts.
 
 import { Axes } from "./axes.js";
 import { Connection } from "./connection.js";
-import { Pad } from "./pad.js";
+import { Mouse } from "./mouse.js";
 import { Panel } from "./panel.js";
 import { Scene } from "./scene.js";
 import { Settings } from "./settings.js";
 
-const HEARTBEAT = 50; // ms; the robot brakes 150 ms after the last one.
+const HEARTBEAT = 50; // ms; the robot brakes 150 ms after the last message.
 
 const style = document.createElement("link");
 style.rel = "stylesheet";
@@ -21,70 +21,70 @@ document.body.classList.add("cockpit");
 
 const scene = new Scene(window.viewer, document.getElementById("meshcat-pane"));
 const panel = new Panel();
-const pad = new Pad(document.getElementById("pad"));
+const mouse = new Mouse(document.getElementById("mouse-area"));
 const axes = new Axes();
 const connection = new Connection("/drive");
 const settings = new Settings((message) => connection.send(message));
 let engaged = false;
-let leaving = false;
+let closing = false;
 
 function sendMove() {
-  connection.send({ type: "move", x: pad.x, y: pad.y, forward: axes.forward, turn: axes.turn });
+  connection.send({ type: "move", x: mouse.x, y: mouse.y, forward: axes.forward, turn: axes.turn });
 }
 
 async function engage() {
   if (engaged) return;
-  panel.waitForSeat();
-  await pad.capture();
+  panel.disableButton();
+  await mouse.capture();
   axes.start();
-  scene.driving(true);
+  scene.setDriving(true);
   engaged = true;
   connection.send({ type: "engage" });
 }
 
-function letGo() {
+function release() {
   if (!engaged) return;
   engaged = false;
   axes.stop();
-  pad.release();
-  scene.driving(false);
-  // A page that goes away says nothing: its driver did not stop, but is lost.
-  if (!leaving) connection.send({ type: "release" });
+  mouse.release();
+  scene.setDriving(false);
+  // A page that is closed sends nothing: its driver is lost, and did not stop.
+  if (!closing) connection.send({ type: "release" });
 }
 
-panel.onDrive = () => (engaged ? letGo() : engage());
-pad.onMove = () => engaged && sendMove();
-pad.onRelease = letGo;
+panel.onDrive = () => (engaged ? release() : engage());
+mouse.onMove = () => engaged && sendMove();
+mouse.onRelease = release;
 axes.onChange = () => engaged && sendMove();
-axes.onEscape = letGo;
+axes.onEscape = release;
 setInterval(() => engaged && sendMove(), HEARTBEAT);
 
-// Nobody drives from a window that is out of sight, or whose keys go elsewhere.
-document.addEventListener("visibilitychange", () => document.hidden && letGo());
-window.addEventListener("blur", letGo);
+// Nobody drives from a window that is hidden or has lost the keyboard.
+document.addEventListener("visibilitychange", () => document.hidden && release());
+window.addEventListener("blur", release);
 
 for (const departure of ["beforeunload", "pagehide"]) {
-  window.addEventListener(departure, () => (leaving = true));
+  window.addEventListener(departure, () => (closing = true));
 }
-window.addEventListener("pageshow", () => (leaving = false));
+window.addEventListener("pageshow", () => (closing = false));
 
-connection.on("open", () => panel.connected(true));
+connection.on("open", () => panel.setConnected(true));
 connection.on("close", (reason) => {
-  letGo();
-  panel.connected(false, reason);
+  release();
+  panel.setConnected(false, reason);
 });
 connection.on("scene", (message) => {
   document.title = `drake_shared: ${message.scenario}`;
-  scene.show(message.workspace);
-  panel.scene(message);
-  settings.scene(message);
+  scene.setWorkspace(message.workspace);
+  panel.setScene(message);
+  settings.setScene(message);
 });
 connection.on("seat", (message) => {
-  // The seat was refused, or the trial is over: the mouse is the driver's own again.
-  if (message.state !== "yours" && engaged && (message.refused || panel.seat === "yours")) letGo();
-  panel.seatIs(message.state);
+  // The driver lock was refused, or the trial is over: free the mouse.
+  if (message.state !== "yours" && engaged && (message.refused || panel.lockState === "yours")) release();
+  panel.setLockState(message.state);
 });
 connection.on("settings", (message) => settings.show(message));
-connection.on("trial", (message) => panel.trial(message));
-connection.on("now", (message) => panel.now(message));
+connection.on("trial", (message) => panel.setTrial(message));
+connection.on("now", (message) => panel.setNow(message));
 connection.open();

@@ -1,4 +1,4 @@
-// The instruments, the button, and what the status line says.
+// The panel: button, status line, values of the running trial, and result.
 
 import { CommandPlot, StickPlot } from "./plots.js";
 import { describe, listMetrics } from "./result.js";
@@ -9,12 +9,12 @@ const unit = (value, digits, name) => (value === null ? "–" : `${value.toFixed
 
 export class Panel {
   onDrive = () => {};
-  seat = "free";
+  lockState = "free";
   #phase = "connecting";
   #connected = false;
   #reason = "";
   #scene = null;
-  #silent = false;
+  #withoutAgent = false;
   #result = null;
   #now = null;
   #stick = new StickPlot(at("stick-plot"));
@@ -33,17 +33,16 @@ export class Panel {
     });
   }
 
-  connected(yes, reason = "") {
-    this.#connected = yes;
+  setConnected(connected, reason = "") {
+    this.#connected = connected;
     this.#reason = reason;
-    if (!yes) this.seat = "free";
+    if (!connected) this.lockState = "free";
     this.#update();
   }
 
-  scene(scene) {
+  setScene(scene) {
     this.#scene = scene;
-    const who = scene.learner === null ? "no learner" : scene.learner;
-    at("task").textContent = `${scene.scenario} · ${who}`;
+    at("task").textContent = `${scene.scenario} · ${scene.learner ?? "no learner"}`;
     for (const element of document.querySelectorAll(".driven-only")) element.hidden = !scene.driven;
     for (const element of document.querySelectorAll(".human-name")) {
       element.textContent = scene.driven ? "You" : "Human";
@@ -53,22 +52,22 @@ export class Panel {
     this.#update();
   }
 
-  waitForSeat() {
+  disableButton() {
     at("drive").disabled = true;
   }
 
-  seatIs(state) {
-    this.seat = state;
+  setLockState(state) {
+    this.lockState = state;
     this.#update();
   }
 
-  trial({ phase, mode, result }) {
+  setTrial({ phase, mode, result }) {
     this.#phase = phase;
     this.#result = result;
-    this.#silent = mode === "human" && this.#scene?.learner !== null;
+    this.#withoutAgent = mode === "human" && this.#scene?.learner !== null;
     if (result) {
-      at("outcome").textContent = describe(result, this.#scene.driven);
-      at("helped").textContent = result.mode === "human" ? "without assistance" : "with assistance";
+      at("outcome").textContent = describe(result);
+      at("assistance-used").textContent = result.mode === "human" ? "without assistance" : "with assistance";
       at("outcome").dataset.outcome = result.collision ? "collided" : result.status;
       listMetrics(at("metrics"), result, this.#scene.driven);
       at("saved").textContent = result.trouble ?? (result.saved ? `Saved as ${result.saved}` : "");
@@ -77,7 +76,7 @@ export class Panel {
     this.#update();
   }
 
-  now(now) {
+  setNow(now) {
     this.#now = now;
     const scene = this.#scene;
     if (!scene) return;
@@ -119,24 +118,24 @@ export class Panel {
   }
 
   #update() {
-    const mine = this.seat === "yours";
+    const mine = this.lockState === "yours";
     const phase = this.#connected ? this.#phase : "connecting";
     at("deck").dataset.phase = phase;
     at("deck").dataset.result = this.#result ? "shown" : "none";
-    document.body.dataset.seat = this.#connected ? this.seat : "none";
+    document.body.dataset.driverLock = this.#connected ? this.lockState : "none";
     at("drive").textContent = mine ? "Stop (Esc)" : this.#result ? "Again" : "Drive";
     at("drive").classList.toggle("stop", mine);
-    const free = this.seat === "free" && ["ready", "finished"].includes(phase);
+    const free = this.lockState === "free" && ["ready", "finished"].includes(phase);
     at("drive").disabled = !this.#connected || !(mine || free);
     at("drive").hidden = this.#scene !== null && !this.#scene.driven;
-    at("hint").textContent = mine ? "Arrow keys and gamepad add to the mouse." : this.#howTo();
+    at("hint").textContent = mine ? "Arrow keys and gamepad add to the mouse." : this.#instructions();
     at("status").textContent = this.#status(phase, mine);
     at("phase-dot").dataset.phase = phase;
   }
 
-  #howTo() {
-    if (!this.#scene?.driven) return "A simulated operator drives, one route after the other.";
-    return "Mouse away is forward, sideways turns. Arrow keys and gamepad work too.";
+  #instructions() {
+    if (!this.#scene?.driven) return "A simulated operator drives the routes one after another.";
+    return "Move the mouse away to go forward, sideways to turn. Arrow keys and gamepad work too.";
   }
 
   #status(phase, mine) {
@@ -144,14 +143,14 @@ export class Panel {
     if (!this.#connected) {
       return this.#reason ? `Connection closed: ${this.#reason}.` : "No connection. Is the program still running?";
     }
-    const watching = this.#scene?.driven && this.seat === "taken";
-    const noNumbers = this.#now?.confidence === null && !this.#silent && this.#scene?.learner !== null;
-    if (phase === "driving" && noNumbers) return "The learner gives no numbers: the human drives alone.";
+    const watching = this.#scene?.driven && this.lockState === "taken";
+    const isInvalid = this.#now?.confidence === null && !this.#withoutAgent && this.#scene?.learner !== null;
+    if (phase === "driving" && isInvalid) return "The learner outputs NaN: the human drives alone.";
     if (watching) return "Someone else is driving. You are watching.";
-    const alone = this.#silent ? " without assistance" : "";
+    const alone = this.#withoutAgent ? " without assistance" : "";
     switch (phase) {
       case "ready":
-        return this.seat === "none" ? "About to start." : "Ready. Click Drive, then move the mouse.";
+        return this.lockState === "none" ? "About to start." : "Ready. Click Drive, then move the mouse.";
       case "armed":
         return mine ? "You have the controls. The clock starts with your first move." : "About to start.";
       case "driving":
@@ -165,7 +164,7 @@ export class Panel {
       case "stopping":
         return "Braking.";
       case "finished":
-        return this.seat === "none" ? "The next trial follows." : "Click Again for another trial.";
+        return this.lockState === "none" ? "The next trial follows." : "Click Again for another trial.";
       default:
         return "Connecting…";
     }

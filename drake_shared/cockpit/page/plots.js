@@ -1,4 +1,4 @@
-// Two small squares: where the stick is, and where the commands are. Up is forward, right is to the right.
+// Two square plots: position of the stick, and the commands. Up is forward, right is to the right.
 
 const NS = "http://www.w3.org/2000/svg";
 
@@ -31,7 +31,7 @@ export class StickPlot {
     this.#knob = add(svg, "circle", { r: 0.2, class: "human knob" });
   }
 
-  // Deflections forward and to the left, in [-1, 1]; null while nobody holds the stick.
+  // Deflections forward and to the left, in [-1, 1]; null while nobody drives.
   show([forward, left]) {
     const at = forward === null ? [0, 0] : [-left, -forward];
     this.#arm.setAttribute("x2", at[0]);
@@ -41,12 +41,12 @@ export class StickPlot {
 }
 
 export class CommandPlot {
-  #between;
+  #difference;
   #marks;
 
   constructor(svg) {
     frame(svg);
-    this.#between = add(svg, "line", { class: "between" });
+    this.#difference = add(svg, "line", { class: "difference" });
     this.#marks = {
       autonomous: add(svg, "circle", { r: 0.13, class: "agent" }),
       human: add(svg, "circle", { r: 0.13, class: "human" }),
@@ -54,18 +54,18 @@ export class CommandPlot {
     };
   }
 
-  // Each of human, autonomous and shared as [to the right, backward] in shares of full; null if unknown.
+  // Each of human, autonomous and shared is [to the right, backward] as a share of the maximum, or null.
   show(points) {
     for (const [name, mark] of Object.entries(this.#marks)) {
       mark.style.display = points[name] ? "" : "none";
       if (points[name]) place(mark, points[name]);
     }
     const both = points.human && points.autonomous;
-    this.#between.style.display = both ? "" : "none";
+    this.#difference.style.display = both ? "" : "none";
     if (!both) return;
-    this.#between.setAttribute("x1", bounded(points.human[0]));
-    this.#between.setAttribute("y1", bounded(points.human[1]));
-    this.#between.setAttribute("x2", bounded(points.autonomous[0]));
-    this.#between.setAttribute("y2", bounded(points.autonomous[1]));
+    this.#difference.setAttribute("x1", bounded(points.human[0]));
+    this.#difference.setAttribute("y1", bounded(points.human[1]));
+    this.#difference.setAttribute("x2", bounded(points.autonomous[0]));
+    this.#difference.setAttribute("y2", bounded(points.autonomous[1]));
   }
 }

@@ -1,4 +1,4 @@
-// What a trial came to, in words and numbers.
+// Describes the result of a trial.
 
 const OUTCOMES = {
   reached: "Goal reached",
@@ -9,14 +9,14 @@ const OUTCOMES = {
   failed: "Failed",
 };
 
-// Name on the page, value, digits, unit, and what it means.
+// Name on the page, field of the result, digits, unit, and meaning.
 const METRICS = [
   ["Time", "time", 1, "s", "From the first move to the end of the trial"],
-  ["Your share", "mean_human_weight", 0, "%", "Mean share of the command that was the human's"],
+  ["Your share", "mean_human_weight", 0, "%", "Mean weight of the human's command"],
   ["Effort", "human_effort", 0, "rad", "The human command, integrated over time"],
-  ["Disagreement", "disagreement_rate", 1, "rad/s", "Mean difference of human and autonomous command"],
-  ["Least clearance", "clearance", 2, "m", "Of the robot's body from the nearest obstacle"],
-  ["Path", "path_length", 2, "m", "Length of the way driven"],
+  ["Disagreement", "disagreement_rate", 1, "rad/s", "Mean difference between human and autonomous command"],
+  ["Least clearance", "clearance", 2, "m", "Distance of the robot's body from the nearest obstacle"],
+  ["Path", "path_length", 2, "m", "Length of the driven path"],
   ["Smoothness", "smoothness", 2, "", "SPARC of the speed; nearer 0 is smoother"],
 ];
 

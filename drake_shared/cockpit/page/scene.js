@@ -1,6 +1,6 @@
-// Meshcat's part of the page: the view from above fits the workspace, and its own controls stay away.
+// Meshcat's part of the page: fits the view from above to the workspace, and hides Meshcat's controls.
 
-import { Governor } from "./governor.js";
+import { RenderThrottle } from "./render_throttle.js";
 
 const MARGIN = 0.08; // m around the workspace
 
@@ -8,7 +8,7 @@ export class Scene {
   #viewer;
   #pane;
   #workspace = null;
-  #governor;
+  #throttle;
 
   constructor(viewer, pane) {
     this.#viewer = viewer;
@@ -18,7 +18,7 @@ export class Scene {
       resize(width, height);
       this.#fit();
     };
-    this.#governor = new Governor(viewer);
+    this.#throttle = new RenderThrottle(viewer);
     new ResizeObserver(() => viewer.set_3d_pane_size()).observe(pane);
     const controls = document.getElementById("scene-controls");
     controls.addEventListener("click", () => {
@@ -31,18 +31,17 @@ export class Scene {
     });
   }
 
-  // Whether someone drives from this page.
-  driving(yes) {
-    this.#governor.hurry(yes);
+  setDriving(driving) {
+    this.#throttle.setDriving(driving);
   }
 
-  // Shows the rectangle [x least, x most, y least, y most], in m.
-  show(workspace) {
+  // Fits the view to [x_min, x_max, y_min, y_max], in m.
+  setWorkspace(workspace) {
     this.#workspace = workspace;
     this.#viewer.set_3d_pane_size();
   }
 
-  // Meshcat keeps the left edge and the height of an orthographic view; this keeps the whole in view.
+  // Meshcat keeps only the left edge and the height of an orthographic view when the window changes.
   #fit() {
     const camera = this.#viewer.camera;
     if (!this.#workspace || camera.type !== "OrthographicCamera") return;
@@ -55,7 +54,7 @@ export class Scene {
     camera.bottom = (bottom + top) / 2 - (scale * height) / 2;
     camera.top = (bottom + top) / 2 + (scale * height) / 2;
     camera.updateProjectionMatrix();
-    this.#viewer.controls.enableRotate = false; // From above, north stays up.
+    this.#viewer.controls.enableRotate = false; // The view from above stays upright.
     this.#viewer.set_dirty();
   }
 }

@@ -1,6 +1,6 @@
-// Gain, dead zone, return time and assistance: shown as the server has them, changed by the person.
+// Shows and changes the settings: gain, dead zone, return time and assistance.
 
-const GAIN_UNIT = 100; // The page speaks of percent of full deflection for a count of the mouse.
+const GAIN_UNIT = 100; // The page shows the gain in percent of full deflection for a count of the mouse.
 
 export class Settings {
   #send;
@@ -19,7 +19,7 @@ export class Settings {
   constructor(send) {
     this.#send = send;
     for (const input of Object.values(this.#inputs)) {
-      input.addEventListener("input", () => this.#changed());
+      input.addEventListener("input", () => this.#onStickInput());
     }
     this.#assist.addEventListener("change", () => {
       this.#send({ type: "assist", on: this.#assist.checked });
@@ -27,7 +27,7 @@ export class Settings {
     });
   }
 
-  scene(scene) {
+  setScene(scene) {
     this.#assist.disabled = scene.learner === null;
     document.getElementById("settings").hidden = !scene.driven;
   }
@@ -36,13 +36,13 @@ export class Settings {
     this.#assist.checked = assist;
     const values = { gain: gain * GAIN_UNIT, dead_zone, return_time };
     for (const [name, input] of Object.entries(this.#inputs)) {
-      // Not under the hand of who is dragging it.
+      // The slider that is being dragged keeps its value.
       if (document.activeElement !== input) input.value = values[name];
     }
     this.#label();
   }
 
-  #changed() {
+  #onStickInput() {
     this.#label();
     this.#send({
       type: "stick",

@@ -1,4 +1,4 @@
-"""Long and rough tests of the page's server: ``python tests/cockpit/endurance assault|soak``."""
+"""Stress and endurance tests of the page's server: ``python tests/cockpit/endurance assault|soak``."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="endurance", description=__doc__)
     kinds = parser.add_subparsers(dest="kind", required=True)
     attack = kinds.add_parser("assault", help="a server under attack while someone drives")
-    attack.add_argument("--seconds", type=float, default=60.0, help="for each assault")
+    attack.add_argument("--seconds", type=float, default=60.0, help="duration of each attack")
     attack.add_argument("--only", nargs="+", choices=assault.all_names(), default=assault.all_names())
-    soaking = kinds.add_parser("soak", help="a live page, for a long time")
+    soaking = kinds.add_parser("soak", help="a page driven for a long time")
     soaking.add_argument("--minutes", type=float, default=30.0)
     for kind in (attack, soaking):
         kind.add_argument("--json", action="store_true", help="print one JSON object")

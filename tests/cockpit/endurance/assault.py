@@ -1,4 +1,4 @@
-"""Everything that a server can be made to suffer, while someone drives: what it costs the drive."""
+"""Attacks the server while someone drives, and measures the effect on the drive."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from served import MemoryWatch, Served, read_pace
 LATE = 0.01
 """Share of control steps that may be late by more than a period."""
 GROWTH = 10.0
-"""Memory in [MB] that the second half of an assault may add: the first fills what is then used again."""
+"""Growth of memory in the second half of an attack, in [MB]; buffers filled in the first half are reused."""
 PEAK = 40.0
-"""Memory in [MB] that all of it may add."""
+"""Peak of memory during an attack above that before, in [MB]."""
 AGE = 150.0
-"""Age in [ms] at which a driver's sample no longer counts; 99% must be younger."""
+"""Age at which a driver's sample is stale, in [ms]; 99% must be younger."""
 ENDS = {"reached", "timed_out", "stopped"}
-"""How a trial may end whose driver was there all the time."""
+"""Statuses of a trial whose driver was present throughout."""
 
 _HERE = Path(__file__).parent
 _WARM_UP = 3.0
@@ -31,7 +31,7 @@ _SETTLE = 3.0
 
 
 def run(seconds: float, names: list[str]) -> dict[str, Any]:
-    """Makes each assault in turn, for so many seconds, and measures."""
+    """Runs each attack for ``seconds``, and returns the measurements."""
     with tempfile.TemporaryDirectory() as logs:
         served = Served(Path(logs))
         try:
@@ -46,7 +46,7 @@ def run(seconds: float, names: list[str]) -> dict[str, Any]:
 def _attack(served: Served, name: str, seconds: float) -> dict[str, Any]:
     served.new_logs()
     before = served.memory()
-    # The driver is there a little longer than the assault, so that all of it falls on a drive.
+    # The driver stays a little longer than the attack.
     commands = [
         [sys.executable, str(_HERE / "driver.py"), served.address, str(seconds + 0.5)],
         [sys.executable, str(_HERE / "attacks.py"), name, served.address, str(seconds)],
@@ -55,7 +55,7 @@ def _attack(served: Served, name: str, seconds: float) -> dict[str, Any]:
         jobs = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for command in commands]
         driven, attacked = (json.loads(job.communicate(timeout=seconds + 60.0)[0]) for job in jobs)
     half = float(np.interp(np.mean([memory.times[0], memory.times[-1]]), memory.times, memory.values))
-    # Connections may be dropped when their time is over, not at once.
+    # Connections are closed after a timeout, not at once.
     deadline = time.monotonic() + _SETTLE
     while served.memory() - half > GROWTH and time.monotonic() < deadline:
         time.sleep(0.1)
@@ -74,7 +74,7 @@ def _attack(served: Served, name: str, seconds: float) -> dict[str, Any]:
 
 
 def _broken(result: dict[str, Any]) -> list[str]:
-    """Which limits are, in words."""
+    """Returns a description of each limit that was exceeded."""
     broken = list(result["errors"])
     if not result["steps"]:
         return [*broken, "nothing was driven"]
@@ -94,7 +94,7 @@ def _broken(result: dict[str, Any]) -> list[str]:
 
 
 def describe(report: dict[str, Any]) -> str:
-    """The report as a table, for people."""
+    """Returns the report as a table."""
     lines = [
         f"{'':18}{'steps':>7}{'missed':>8}{'worst':>8}{'sample':>8}{'trip p50':>10}{'p99':>8}"
         f"{'growth':>8}{'peak':>7}",

@@ -1,6 +1,6 @@
-"""What people and programs may do to the cockpit's server while someone drives.
+"""Attacks on the cockpit's server while someone drives.
 
-Run as a program: NAME ADDRESS SECONDS. Prints what it did, as one JSON object.
+Usage: attacks.py NAME ADDRESS SECONDS. Prints what was done as JSON.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Awaitable, Callable
 from visitor import Visitor, drop, frame
 
 MESSAGES_A_SECOND = 200
-"""Ten thousand in a minute, and some."""
+"""More than ten thousand in a minute."""
 SILENT, SLOW, DROPS_A_SECOND = 200, 48, 50
 
 _GONE = (ConnectionError, OSError, asyncio.IncompleteReadError, TimeoutError)
@@ -27,14 +27,14 @@ _KNOWN = (
     '{"type": "release"}',
     '{"type": "assist", "on": true}',
     '{"type": "stick", "gain": 0.004, "dead_zone": 0.02, "return_time": 0.5}',
-    # Never one that would be heard: whoever has the key may take a free seat, and that is no attack.
+    # Not a valid one: a page with the key may acquire a free lock, which is no attack.
     '{"type": "engage", "as": "root"}',
 )
 _PIECES = ("NaN", "1e999", "-0", "null", "[[[[", '"\\ud800"', "{}", "\x00", "é", '"type"', "9" * 300, ",")
 
 
 class Tally:
-    """Counts what was done, and keeps what must not happen."""
+    """Counts the actions of an attack and collects errors."""
 
     def __init__(self, seconds: float) -> None:
         self.counts: dict[str, int] = {}
@@ -53,7 +53,7 @@ class Tally:
         self.counts[what] = self.counts.get(what, 0) + number
 
     async def paced(self, rate: float):
-        """Numbers from 0 on, so many a second, as long as it goes on."""
+        """Yields 0, 1, ... at ``rate`` per second until the end of the attack."""
         start = time.monotonic()
         for index in itertools.count():
             await asyncio.sleep(max(start + index / rate - time.monotonic(), 0.0))
@@ -63,7 +63,7 @@ class Tally:
 
 
 def mutated(chance: random.Random) -> bytes:
-    """Something like a message of a page."""
+    """Returns a random or mutated message."""
     kind = chance.randrange(5)
     if kind == 0:
         return chance.randbytes(chance.randrange(1, 1000))
@@ -115,7 +115,7 @@ async def random_messages(visitor: Visitor, tally: Tally) -> None:
 
 
 async def oversized_frames(visitor: Visitor, tally: Tally) -> None:
-    """Frames, fragments, headers and bodies beyond all measure."""
+    """Oversized frames, fragments, headers and bodies."""
     block = b" " * 65536
 
     async def pour(path: str, head: bytes, piece: bytes) -> None:
@@ -169,7 +169,7 @@ async def oversized_frames(visitor: Visitor, tally: Tally) -> None:
 
 
 async def silence(visitor: Visitor, tally: Tally) -> None:
-    """Two hundred connections that say nothing, or half of something, and never close."""
+    """Two hundred connections that send nothing or half a request, and never close."""
 
     async def stay(index: int) -> None:
         greetings = (b"", b"", b"GET / HTTP/1.1\r\nHost: ", visitor.upgrade("/drive"), visitor.upgrade("/"))
@@ -186,7 +186,7 @@ async def silence(visitor: Visitor, tally: Tally) -> None:
             await asyncio.sleep(min(0.5, tally.left))
 
     async def come_by() -> None:
-        """Somebody with the key, who must be let in all the while."""
+        """Requests with the key, which must be answered throughout."""
         async for _ in tally.paced(2.0):
             try:
                 async with asyncio.timeout(2.0):
@@ -195,16 +195,16 @@ async def silence(visitor: Visitor, tally: Tally) -> None:
                     answer = await reader.readline()
                     writer.close()
                 if b" 200 " not in answer:
-                    tally.errors.append(f"a newcomer was told {answer!r}")
+                    tally.errors.append(f"a request with the key was answered {answer!r}")
             except _GONE as error:
-                tally.errors.append(f"a newcomer was not let in: {error!r}")
-            tally.count("newcomers")
+                tally.errors.append(f"a request with the key failed: {error!r}")
+            tally.count("requests")
 
     await asyncio.gather(come_by(), *(stay(index) for index in range(SILENT)))
 
 
 async def slow_readers(visitor: Visitor, tally: Tally) -> None:
-    """Pages and downloads that take next to nothing of what they are sent."""
+    """Pages and downloads that read almost nothing."""
     reader, writer = await visitor.connect()
     writer.write(visitor.request("/", "Connection: close"))
     part = (await reader.read(-1)).partition(b'src="cas-v1/')[2][:64].decode()
@@ -219,7 +219,7 @@ async def slow_readers(visitor: Visitor, tally: Tally) -> None:
                 writer.write(asks[index % len(asks)])
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(tally.left):
-                        # Some read a little now and then, some nothing at all.
+                        # Half of them read a little, the others nothing.
                         while index % 2 == 0 or await reader.read(64):
                             await asyncio.sleep(0.2)
                 drop(writer)
@@ -229,7 +229,7 @@ async def slow_readers(visitor: Visitor, tally: Tally) -> None:
 
 
 async def churn(visitor: Visitor, tally: Tally) -> None:
-    """Connections opened and dropped, fifty a second."""
+    """Connections opened and reset, fifty a second."""
     asks = (b"", visitor.upgrade("/drive"), visitor.upgrade("/"), visitor.request("/"))
     lingering: set[asyncio.Task] = set()
 
@@ -251,7 +251,7 @@ async def churn(visitor: Visitor, tally: Tally) -> None:
 
 
 async def flood(visitor: Visitor, tally: Tally) -> None:
-    """Pages that say what may be said, and signs of life, as quickly as they can."""
+    """Pages that send valid messages and pings as fast as they can."""
     words = (_MOVE, '{"type": "assist", "on": true}', '{"type": "release"}')
     burst = [frame(word.encode()) * 20 for word in words] + [frame(b"?", opcode=9) * 20]
 
@@ -285,7 +285,7 @@ async def _read_all(reader: asyncio.StreamReader) -> None:
 
 
 async def nothing(visitor: Visitor, tally: Tally) -> None:
-    """Leaves the driver alone, for comparison."""
+    """Does nothing, for comparison."""
     await asyncio.sleep(tally.left)
 
 

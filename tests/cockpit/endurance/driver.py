@@ -1,6 +1,6 @@
 """A scripted driver without a browser, in a process of its own.
 
-Run as a program: ADDRESS SECONDS. Drives trial after trial, and prints how it went as one JSON object.
+Usage: driver.py ADDRESS SECONDS. Drives one trial after another, and prints the results as JSON.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ _STICK = {"type": "stick", "gain": 0.004, "dead_zone": 0.0, "return_time": 0.0}
 
 
 class Driver:
-    """One page with a driver at it."""
+    """Drives as a page does."""
 
     def __init__(self, seconds: float) -> None:
         self.trials = 0
         self.round_trips: list[float] = []
         self.errors: list[str] = []
-        self._seat = ""
+        self._lock_state = ""
         self._phase = ""
         self._start = time.monotonic()
         self._seconds = seconds
@@ -48,22 +48,22 @@ class Driver:
         engaged = False
         moves = 0
         while time.monotonic() - self._start < self._seconds and not page.closed:
-            if engaged and self._seat == "free":
+            if engaged and self._lock_state == "free":
                 engaged = False
-            if not engaged and self._seat == "free" and self._phase in ("ready", "finished"):
+            if not engaged and self._lock_state == "free" and self._phase in ("ready", "finished"):
                 await page.send_json({"type": "engage"})
                 await page.send_json(_STICK)
-                engaged, self._seat = True, "asked for"
-            if self._seat == "yours":
-                way = time.monotonic() - self._start
-                forward, turn = 0.6 + 0.2 * math.sin(way), 0.5 * math.sin(0.7 * way)
+                engaged, self._lock_state = True, "requested"
+            if self._lock_state == "yours":
+                now = time.monotonic() - self._start
+                forward, turn = 0.6 + 0.2 * math.sin(now), 0.5 * math.sin(0.7 * now)
                 await page.send_json({"type": "move", "x": 0, "y": 0, "forward": forward, "turn": turn})
             moves += 1
             if moves % _PING_EVERY == 0:
                 await page.ping(struct.pack("d", time.monotonic()))
             await asyncio.sleep(1.0 / MOVES_A_SECOND)
         if page.closed:
-            self.errors.append(f"the driver was thrown out: {page.close_code}")
+            self.errors.append(f"the driver was disconnected: {page.close_code}")
             return
         await page.send_json({"type": "release"})
         while self._phase in ("driving", "stopping") and not page.closed:
@@ -77,13 +77,13 @@ class Driver:
                 if len(message.data) == 8:
                     self.round_trips.append(time.monotonic() - struct.unpack("d", message.data)[0])
             elif message.type is WSMsgType.TEXT:
-                self._hear(json.loads(message.data))
+                self._receive(json.loads(message.data))
 
-    def _hear(self, message: dict) -> None:
+    def _receive(self, message: dict) -> None:
         if message["type"] == "seat":
-            self._seat = message["state"]
+            self._lock_state = message["state"]
             if message["refused"]:
-                self.errors.append("the driver was refused the seat")
+                self.errors.append("the driver was refused the lock")
         elif message["type"] == "trial":
             self.trials += message["phase"] == "driving" != self._phase
             self._phase = message["phase"]
@@ -94,7 +94,7 @@ def main(address: str, seconds: str) -> None:
     try:
         asyncio.run(driver.drive(Visitor(address)))
     except (aiohttp.ClientError, OSError) as error:
-        driver.errors.append(f"the driver was thrown out: {error!r}")
+        driver.errors.append(f"the driver was disconnected: {error!r}")
     print(
         json.dumps(
             {

@@ -1,4 +1,4 @@
-"""The product itself in a process of its own, watched from outside."""
+"""``drake-shared drive`` in a process of its own, measured from outside."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ import pyarrow.parquet as pq
 
 
 class Served:
-    """``drake-shared drive``, started as a person would.
+    """Runs ``drake-shared drive``.
 
     Args:
-        logs: Folder that it records to.
+        logs: Folder for its logs.
     """
 
     def __init__(self, logs: Path) -> None:
         self.logs = logs
-        self._said = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed by stop)
+        self._stderr = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed by stop)
         command = [sys.executable, "-W", "error", "-m", "drake_shared.cli.main", "drive"]
         command += ["--port", "0", "--no-open", "--record", str(logs)]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self._said, text=True)
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self._stderr, text=True)
         assert self._process.stdout is not None
         self.address = self._process.stdout.readline().strip()
         self._known: set[Path] = set()
@@ -38,20 +38,20 @@ class Served:
         return self._process.poll() is None
 
     def memory(self) -> float:
-        """Resident, in [MB]; NaN if it does not run."""
+        """Returns the resident memory in [MB]; NaN if the program does not run."""
         answer = subprocess.run(
             ["ps", "-o", "rss=", "-p", str(self._process.pid)], capture_output=True, text=True
         )
         return int(answer.stdout) / 1024 if answer.stdout.strip() else float("nan")
 
     def new_logs(self) -> list[Path]:
-        """Those that were written since this was last asked."""
+        """Returns the logs written since the last call."""
         found = set(self.logs.glob("*.parquet"))
         new, self._known = found - self._known, found
         return sorted(new)
 
     def stop(self) -> list[str]:
-        """Ends it as a person would, and says what went wrong."""
+        """Interrupts the program, and returns its errors."""
         errors = [] if self.runs else ["the program ended by itself"]
         if self.runs:
             self._process.send_signal(signal.SIGINT)
@@ -60,19 +60,19 @@ class Served:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-            errors.append("the program did not end when it was told to")
+            errors.append("the program did not end when interrupted")
         if self._process.returncode:
             errors.append(f"exit status {self._process.returncode}")
-        self._said.seek(0, os.SEEK_SET)
-        said = self._said.read()
-        self._said.close()
-        if "Traceback" in said or "Error" in said:
-            errors.append(said[said.find("Traceback") :][:2000])
+        self._stderr.seek(0, os.SEEK_SET)
+        text = self._stderr.read()
+        self._stderr.close()
+        if "Traceback" in text or "Error" in text:
+            errors.append(text[text.find("Traceback") :][:2000])
         return errors
 
 
 class MemoryWatch:
-    """Notes the memory of a program every so often, until it is left."""
+    """Context manager that samples the memory of a program periodically."""
 
     def __init__(self, served: Served, every: float = 0.25) -> None:
         self.times: list[float] = []
@@ -99,12 +99,12 @@ class MemoryWatch:
 
 
 def read_pace(paths: list[Path]) -> dict:
-    """How the control steps of some logs kept to time.
+    """Returns the timing of the control steps in some logs.
 
     Returns:
-        ``steps``; ``late`` of them by more than a period; ``worst``, the worst lateness in [ms]; the
-        ``sample_age`` that 99% of the steps stayed below, in [ms]; ``simulated`` and ``wall`` time in [s];
-        and ``statuses``, each with how often.
+        ``steps``, their number; ``late``, how many were late by more than a period; ``worst``, the largest
+        lateness in [ms]; ``sample_age``, the 99th percentile in [ms]; ``simulated`` and ``wall`` time in
+        [s]; and ``statuses`` with their counts.
     """
     steps = late = 0
     worst = simulated = wall = 0.0
@@ -120,7 +120,7 @@ def read_pace(paths: list[Path]) -> dict:
         times = table["t"].to_numpy()
         simulated += times[-1]
         wall += pace["wall_time"]
-        # The last rows may be of braking, without a driver.
+        # In the last rows the robot may brake without a driver.
         ages.append(table["mouse_age"].to_numpy()[table["engaged"].to_numpy() > 0.5])
         statuses[metadata["status"]] = statuses.get(metadata["status"], 0) + 1
     all_ages = np.concatenate(ages) if ages else np.empty(0)

@@ -1,4 +1,4 @@
-"""A live page in a real browser with a scripted driver at it, for a long time."""
+"""Drives the page in a real browser for a long time."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 from served import MemoryWatch, Served, read_pace
 
-from drake_shared.cockpit.latency import CHROMIUM_ARGUMENTS, find_chromium
+from drake_shared.cockpit.chromium import CHROMIUM_ARGUMENTS, find_chromium
 
 DRIFT = 0.01
-"""Share by which the time on the wall may differ from that of the trials."""
+"""Relative difference allowed between wall-clock time and simulated time."""
 GROWTH = 10.0
-"""Memory in [MB] that may come on top, once the program is warm."""
+"""Growth of memory allowed after the warm-up, in [MB]."""
 
-_WARM = 0.2  # of the time, but no longer than
-_WARM_AT_MOST = 120.0  # s
-_PATIENCE = 30_000  # ms
+_WARM_UP_SHARE = 0.2  # of the duration,
+_WARM_UP_LIMIT = 120.0  # but at most this, in [s].
+_TIMEOUT = 30_000  # ms
 
 
 def run(minutes: float) -> dict[str, Any]:
-    """Drives trial after trial for so many minutes, and measures.
+    """Drives one trial after another for ``minutes``, and returns the measurements.
 
     Raises:
         SystemExit: There is no browser.
@@ -49,43 +49,43 @@ def run(minutes: float) -> dict[str, Any]:
 
 
 def _drive(page: Any, served: Served, seconds: float) -> dict[str, Any]:
-    """By arrow keys: up all the time, and to the sides by chance; now and then the driver gives up."""
+    """Drives by arrow keys: forward all the time, sideways at random; stops some trials early."""
     chance = random.Random(0)
-    complaints: list[str] = []
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.set_default_timeout(_PATIENCE)
+    page_errors: list[str] = []
+    page.on("pageerror", lambda error: page_errors.append(str(error)))
+    page.set_default_timeout(_TIMEOUT)
     page.goto(served.address)
     heaps: list[float] = []
     started = 0
     end = time.monotonic() + seconds
     while time.monotonic() < end and served.runs:
         page.click("#drive:enabled")
-        page.wait_for_selector("body[data-seat=yours]")
+        page.wait_for_selector("body[data-driver-lock=yours]")
         page.keyboard.down("ArrowUp")
         page.wait_for_selector("#deck[data-phase=driving]")
         started += 1
         gives_up = time.monotonic() + (chance.uniform(1.0, 10.0) if started % 5 == 0 else 60.0)
-        while page.get_attribute("body", "data-seat") == "yours":
+        while page.get_attribute("body", "data-driver-lock") == "yours":
             key = chance.choice(("ArrowLeft", "ArrowRight"))
             page.keyboard.press(key, delay=chance.uniform(20.0, 400.0))
             if time.monotonic() > min(gives_up, end):
                 page.keyboard.press("Escape")
-                page.wait_for_selector("body:not([data-seat=yours])")
+                page.wait_for_selector("body:not([data-driver-lock=yours])")
         page.keyboard.up("ArrowUp")
         page.wait_for_selector("#deck[data-phase=finished]")
         heaps.append(page.evaluate("performance.memory.usedJSHeapSize") / 2**20)
     return {
         "started": started,
-        "complaints": sorted(set(complaints)),
+        "page_errors": sorted(set(page_errors)),
         "page_heap": [round(heaps[0], 1), round(heaps[-1], 1)] if heaps else None,
     }
 
 
 def _flatness(memory: MemoryWatch, seconds: float) -> dict[str, Any]:
-    """Memory in [MB] once warm: at first and at last (means of a tenth), its range, its trend a minute."""
+    """Returns memory after the warm-up in [MB]: first and last tenth, range, and trend per minute."""
     times = np.array(memory.times) - memory.times[0]
     values = np.array(memory.values)
-    warm = times >= min(_WARM * seconds, _WARM_AT_MOST)
+    warm = times >= min(_WARM_UP_SHARE * seconds, _WARM_UP_LIMIT)
     times, values = times[warm], values[warm]
     tenth = max(len(values) // 10, 1)
     return {
@@ -98,7 +98,7 @@ def _flatness(memory: MemoryWatch, seconds: float) -> dict[str, Any]:
 
 def _judge(report: dict[str, Any], errors: list[str]) -> dict[str, Any]:
     drift = report["wall"] / report["simulated"] - 1.0 if report["simulated"] else float("nan")
-    broken = errors + report["complaints"]
+    broken = errors + report["page_errors"]
     if not abs(drift) <= DRIFT:
         broken.append(f"real time drifted by {100 * drift:.2f}%")
     if (
@@ -113,5 +113,5 @@ def _judge(report: dict[str, Any], errors: list[str]) -> dict[str, Any]:
 
 
 def describe(report: dict[str, Any]) -> str:
-    """The report as lines, for people."""
+    """Returns the report as lines of text."""
     return "\n".join(f"{name}: {value}" for name, value in report.items())

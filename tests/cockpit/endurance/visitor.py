@@ -1,4 +1,4 @@
-"""Connections to the cockpit made by hand, byte for byte: what a library would never send can be sent."""
+"""Raw connections to the server, for requests and frames that no library would send."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from urllib.parse import parse_qs, urlsplit
 
 
 class Visitor:
-    """Knows the way to a cockpit, key included.
+    """Makes connections to a cockpit, with its key.
 
     Args:
-        address: As the cockpit prints it.
+        address: The address that the cockpit prints.
     """
 
     def __init__(self, address: str) -> None:
@@ -28,7 +28,7 @@ class Visitor:
     async def connect(
         self, *, buffer: int | None = None
     ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        """A bare connection's reader and writer; ``buffer`` bytes wide at this end, if given."""
+        """Opens a TCP connection; ``buffer`` is the size of its receive buffer in bytes."""
         sock = socket.socket()
         sock.setblocking(False)
         if buffer is not None:
@@ -38,7 +38,7 @@ class Visitor:
         return await asyncio.open_connection(sock=sock, limit=limit)
 
     def request(self, path: str, *extra: str, method: str = "GET") -> bytes:
-        """A request with the key."""
+        """Returns a request with the key."""
         lines = (
             f"{method} {path} HTTP/1.1",
             f"Host: localhost:{self.port}",
@@ -48,7 +48,7 @@ class Visitor:
         return "".join(f"{line}\r\n" for line in (*lines, "")).encode()
 
     def upgrade(self, path: str) -> bytes:
-        """A request for a websocket, with the key."""
+        """Returns a request for a websocket, with the key."""
         key = base64.b64encode(os.urandom(16)).decode()
         return self.request(
             path,
@@ -60,7 +60,7 @@ class Visitor:
         )
 
     async def websocket(self, path: str, *, buffer: int | None = None):
-        """A websocket's reader and writer, or None if it was refused."""
+        """Opens a websocket. Returns None if it is refused."""
         reader, writer = await self.connect(buffer=buffer)
         writer.write(self.upgrade(path))
         head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), 10.0)
@@ -71,7 +71,7 @@ class Visitor:
 
 
 def frame(payload: bytes, *, opcode: int = 1, fin: bool = True, declared: int | None = None) -> bytes:
-    """A client's frame; its header may declare another length than it has."""
+    """Returns a client's frame; ``declared`` is the length in its header, if not the true one."""
     length = len(payload) if declared is None else declared
     first = bytes([(0x80 if fin else 0) | opcode])
     if length < 126:
@@ -85,10 +85,10 @@ def frame(payload: bytes, *, opcode: int = 1, fin: bool = True, declared: int | 
 
 
 def drop(writer: asyncio.StreamWriter) -> None:
-    """Ends a connection as a crash would: by a reset."""
+    """Resets a connection, as a crash does."""
     sock = writer.get_extra_info("socket")
     if sock is not None:
-        # Where the server was first the socket may be closed.
+        # The socket is closed already if the server closed it.
         with contextlib.suppress(OSError):
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     writer.transport.abort()

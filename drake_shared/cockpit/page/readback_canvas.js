@@ -1,10 +1,10 @@
-// Draws Meshcat's scene without waiting for it: for computers that have no graphics card.
+// Renders Meshcat's scene asynchronously, for computers without a graphics card.
 //
-// A browser without one shows a WebGL canvas by reading it back, and its one thread, which also takes the
-// mouse, waits for every frame. Here the canvas is out of sight, the picture is fetched when it is done,
-// and a plain canvas shows it.
+// Without one, the browser reads a visible WebGL canvas back on its main thread, which also handles the
+// mouse, and blocks for every frame. Here the WebGL canvas is hidden, its pixels are read back when the
+// frame is complete, and a 2-D canvas shows them.
 
-export class FarCanvas {
+export class ReadbackCanvas {
   #viewer;
   #gl;
   #shown = document.createElement("canvas");
@@ -16,27 +16,27 @@ export class FarCanvas {
   constructor(viewer) {
     this.#viewer = viewer;
     this.#gl = viewer.renderer.getContext();
-    this.#shown.className = "far";
+    this.#shown.className = "readback";
   }
 
-  // Whether the browser can do it at all.
-  get possible() {
+  // Whether the browser supports it.
+  get supported() {
     return this.#gl instanceof WebGL2RenderingContext;
   }
 
-  // Whether a picture has been asked for and is not yet here.
+  // Whether a frame has been started and not been shown yet.
   get busy() {
     return this.#fence !== null;
   }
 
-  // Takes the place of the canvas that WebGL draws on.
+  // Replaces the WebGL canvas by the 2-D canvas.
   show() {
     const canvas = this.#viewer.renderer.domElement;
     canvas.after(this.#shown);
     canvas.style.display = "none";
   }
 
-  // Has the scene drawn, and its picture copied to where it can be fetched.
+  // Starts to render a frame and to copy it to a buffer.
   draw() {
     const gl = this.#gl;
     this.#viewer.render();
@@ -49,8 +49,8 @@ export class FarCanvas {
     gl.flush();
   }
 
-  // Shows the picture if it is there, and says whether it was.
-  fetch() {
+  // Shows the frame if it is complete. Returns whether it was.
+  showIfComplete() {
     const gl = this.#gl;
     if (gl.getSyncParameter(this.#fence, gl.SYNC_STATUS) !== gl.SIGNALED) return false;
     gl.deleteSync(this.#fence);
@@ -59,10 +59,10 @@ export class FarCanvas {
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, this.#buffer);
     gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, this.#pixels);
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
-    // Another size clears a canvas: not before there is a picture to fill it.
+    // A change of size clears the canvas, so it is made only when there is a frame to show.
     if (this.#shown.width !== width) this.#shown.width = width;
     if (this.#shown.height !== height) this.#shown.height = height;
-    // Rows come bottom first; the style sheet turns the canvas over.
+    // WebGL's first row is the bottom one; the style sheet flips the canvas.
     const picture = new ImageData(new Uint8ClampedArray(this.#pixels.buffer), width, height);
     this.#shown.getContext("2d").putImageData(picture, 0, 0);
     return true;

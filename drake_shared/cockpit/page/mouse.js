@@ -1,9 +1,9 @@
-// The mouse, counted while it is captured: x to the right, y down the screen, from 0 at each capture.
+// Counts the displacement of the captured mouse: x to the right, y down the screen, from 0 at each capture.
 
 const SEND_AT_MOST_EVERY = 4; // ms; gaming mice report up to 8000 times a second.
 const RELOCK_AFTER = 1400; // ms; Chromium refuses a lock for a while after Escape.
 
-export class Pad {
+export class Mouse {
   x = 0;
   y = 0;
   onMove = () => {};
@@ -16,13 +16,13 @@ export class Pad {
 
   constructor(element) {
     this.#element = element;
-    // Raw updates come as they happen, the others once a frame; they need a secure context.
+    // Raw updates arrive at once, the others once a frame; raw ones need a secure context.
     const raw = window.isSecureContext && "onpointerrawupdate" in window;
-    window.addEventListener(raw ? "pointerrawupdate" : "pointermove", (event) => this.#moved(event));
-    document.addEventListener("pointerlockchange", () => this.#lockChanged());
+    window.addEventListener(raw ? "pointerrawupdate" : "pointermove", (event) => this.#onPointerMove(event));
+    document.addEventListener("pointerlockchange", () => this.#onLockChange());
   }
 
-  // Takes the mouse: locked if the browser can, else while it moves over the page.
+  // Captures the mouse: with the pointer lock if the browser grants it, else while it is over the page.
   async capture() {
     this.x = this.y = 0;
     this.#element.hidden = false;
@@ -42,32 +42,32 @@ export class Pad {
     if (document.pointerLockElement === this.#element) document.exitPointerLock();
   }
 
-  // Asks for the pointer lock and says whether it was given.
+  // Requests the pointer lock. Returns whether it was granted.
   async #lock(options) {
     try {
-      const answer = this.#element.requestPointerLock(options);
-      // Where the browser promises nothing, events tell; where it does, they come late and confuse.
-      await (answer ?? oneOf(document, ["pointerlockchange", "pointerlockerror"]));
+      const promise = this.#element.requestPointerLock(options);
+      // Older browsers return no promise, and send events instead; with a promise, events come later.
+      await (promise ?? nextEvent(document, ["pointerlockchange", "pointerlockerror"]));
     } catch {
       return false;
     }
     return document.pointerLockElement === this.#element;
   }
 
-  #lockChanged() {
+  #onLockChange() {
     if (this.#captured && this.#locked && document.pointerLockElement !== this.#element) this.onRelease();
   }
 
-  #moved(event) {
+  #onPointerMove(event) {
     if (!this.#captured || !(event.movementX || event.movementY)) return;
     this.x += event.movementX;
     this.y += event.movementY;
     const wait = this.#last + SEND_AT_MOST_EVERY - performance.now();
-    if (wait <= 0) this.#tell();
-    else this.#timer ??= setTimeout(() => this.#tell(), wait);
+    if (wait <= 0) this.#notify();
+    else this.#timer ??= setTimeout(() => this.#notify(), wait);
   }
 
-  #tell() {
+  #notify() {
     clearTimeout(this.#timer);
     this.#timer = null;
     this.#last = performance.now();
@@ -75,7 +75,7 @@ export class Pad {
   }
 }
 
-function oneOf(target, events) {
+function nextEvent(target, events) {
   return new Promise((resolve) => {
     for (const event of events) target.addEventListener(event, resolve, { once: true });
   });
