@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from drake_shared.common.errors import (
         RunError as RunError,
     )
-    from drake_shared.demonstrations.demonstrations import (
+    from drake_shared.demonstrations import (
         read_demonstrations as read_demonstrations,
     )
-    from drake_shared.demonstrations.demonstrations import (
+    from drake_shared.demonstrations import (
         write_demonstrations as write_demonstrations,
     )
     from drake_shared.learners import (
@@ -204,14 +204,14 @@ _MODULES = {
     "make_arbiter": "drake_shared.systems.arbiters",
     "metrics": "drake_shared.analysis.metrics",
     "play_open_loop": "drake_shared.analysis.counterfactual",
-    "read_demonstrations": "drake_shared.demonstrations.demonstrations",
+    "read_demonstrations": "drake_shared.demonstrations",
     "read_log": "drake_shared.simulation.trial",
     "run_trial": "drake_shared.simulation.trial",
     "save_learner": "drake_shared.learners",
     "summarize": "drake_shared.analysis.metrics",
     "teach": "drake_shared.simulation.teaching",
     "train": "drake_shared.learners",
-    "write_demonstrations": "drake_shared.demonstrations.demonstrations",
+    "write_demonstrations": "drake_shared.demonstrations",
     "write_log": "drake_shared.simulation.trial",
     "write_replay": "drake_shared.analysis.replay",
 }

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.stats import rankdata
 
-from drake_shared.demonstrations.progress_clock import ProgressClock
+from drake_shared.demonstrations import ProgressClock
 from drake_shared.simulation.trial import Trial
 
 TOGETHER = 0.15

@@ -16,7 +16,7 @@ from scipy.stats import norm
 from drake_shared.common.arrays import path_at
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import replacing
-from drake_shared.demonstrations.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
 from drake_shared.scenario.paths import passing_side
@@ -185,7 +185,7 @@ def judge_confidence(learner: Learner, trial: Trial, route: int, *, every: int =
     Raises:
         InputError: The learner does not tell its demonstrations.
     """
-    from drake_shared.demonstrations.progress_clock import ProgressClock
+    from drake_shared.demonstrations import ProgressClock
 
     demonstrations = learner.demonstrations
     if demonstrations is None:

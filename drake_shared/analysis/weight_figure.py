@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import replacing
-from drake_shared.demonstrations.demonstrations import Demonstrations, sampling_weights
+from drake_shared.demonstrations import Demonstrations, demonstration_weights, min_score_width
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +53,7 @@ def draw_weights_on(left: Axes, right: Axes, demonstrations: Demonstrations, *, 
     scores = demonstrations.scores
     if scores is None:
         raise InputError(demonstrations.source, "scores", "must be known for a figure of weights")
-    weights = sampling_weights(scores)
+    weights = demonstration_weights(demonstrations)
     for index, (item, weight) in enumerate(zip(demonstrations, weights, strict=True)):
         label = f"{index}: score {scores[index]:.3f}, drawn {100 * weight:.0f}%"
         color, strength = f"C{index % 10}", min(0.2 + 0.8 * weight / weights.max(), 1.0)
@@ -62,9 +62,10 @@ def draw_weights_on(left: Axes, right: Axes, demonstrations: Demonstrations, *, 
         right.plot([scores[index]] * 2, [0, weight], color=color, linewidth=4)
     # The density itself, in the scale of the weights: it passes through the top of each bar.
     best = int(np.argmax(scores))
-    reach = max(float(np.ptp(scores)), 0.05)
+    least = min_score_width(demonstrations)
+    reach = max(float(np.ptp(scores)), least)
     fine = np.linspace(scores.min() - 0.3 * reach, scores.max() + 0.3 * reach, 200)
-    width = max(2.0 * float(np.std(scores)), 0.05)
+    width = max(2.0 * float(np.std(scores)), least)
     right.plot(fine, weights[best] * np.exp(-0.5 * ((fine - scores[best]) / width) ** 2), color="0.6")
     left.set(xlabel="x, m", ylabel="y, m", aspect="equal")
     right.set(xlabel="score", ylabel="probability of being drawn", ylim=(0, None))

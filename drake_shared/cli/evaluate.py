@@ -39,7 +39,7 @@ class Evaluate:
     def run(self) -> None:
         """Does it."""
         from drake_shared.analysis.evaluation import draw_reliability, evaluate, predictions
-        from drake_shared.demonstrations.demonstrations import read_demonstrations
+        from drake_shared.demonstrations import read_demonstrations
         from drake_shared.scenario import load_scenario
         from drake_shared.simulation.teaching import teach
 

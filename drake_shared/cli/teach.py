@@ -38,7 +38,7 @@ class Teach:
 
     def run(self) -> None:
         """Does it."""
-        from drake_shared.demonstrations.demonstrations import write_demonstrations
+        from drake_shared.demonstrations import write_demonstrations
         from drake_shared.scenario import load_scenario
         from drake_shared.simulation.teaching import teach
 

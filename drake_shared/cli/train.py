@@ -9,7 +9,7 @@ from typing import Literal
 from drake_shared.analysis.weight_figure import draw_weights
 from drake_shared.cli.common import print_json, say
 from drake_shared.common.files import check_target
-from drake_shared.demonstrations.demonstrations import (
+from drake_shared.demonstrations import (
     Demonstrations,
     load_scorer,
     read_demonstrations,

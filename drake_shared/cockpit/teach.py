@@ -5,7 +5,7 @@ from __future__ import annotations
 from drake_shared.cockpit.drive import drive
 from drake_shared.cockpit.server import DEFAULT_PORT
 from drake_shared.common.errors import RunError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.scenario import Scenario, clearance_scorer
 from drake_shared.simulation.teaching import demonstration_of
 from drake_shared.simulation.trial import Trial

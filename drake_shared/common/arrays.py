@@ -2,28 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
 def read_only(values: ArrayLike) -> NDArray[np.float64]:
-    """A read-only copy."""
+    """A copy that cannot be written to."""
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array
 
 
 def path_at(
-    path: NDArray[np.float64], times: NDArray[np.float64], query_times: NDArray[np.float64]
+    path: NDArray[np.float64], times: NDArray[np.float64], queries: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Interpolates a path linearly; beyond its ends the first and last positions hold.
+    """Positions (Q, D) of a path (N, D), known at increasing ``times`` (N,), at the times ``queries`` (Q,).
 
-    Args:
-        path: Positions, shape (N, D).
-        times: Times of the positions, shape (N,), increasing.
-        query_times: Shape (Q,).
-
-    Returns:
-        Positions at the query times, shape (Q, D).
+    Interpolates linearly and holds the path beyond both ends.
     """
-    return np.stack([np.interp(query_times, times, path[:, axis]) for axis in range(path.shape[1])], axis=-1)
+    return np.stack([np.interp(queries, times, column) for column in path.T], axis=-1)
+
+
+def as_points(positions: NDArray[np.float64]) -> NDArray[Any]:
+    """Positions (..., D) in the form that `lengths` takes: complex (...) if D is 2, else as they are.
+
+    numpy subtracts and measures complex numbers in one pass each.
+    """
+    if positions.shape[-1] == 2:
+        return np.ascontiguousarray(positions).view(np.complex128)[..., 0]
+    return np.ascontiguousarray(positions)
+
+
+def as_point(position: Sequence[float], points: NDArray[Any]) -> complex | NDArray[np.float64]:
+    """One position (D,) in the form of ``points``, which are of `as_points`."""
+    return complex(*position) if points.dtype.kind == "c" else np.array(position)
+
+
+def lengths(offsets: NDArray[Any]) -> NDArray[np.float64]:
+    """Euclidean lengths (...) of differences of `as_points`."""
+    if offsets.dtype.kind == "c":
+        return np.abs(offsets)
+    return np.sqrt(np.einsum("...d,...d", offsets, offsets))

@@ -1,46 +1,57 @@
-"""How far along the demonstrations a robot is: a clock that waits for a driver who dawdles."""
+"""The time of the nearest demonstrated point: a clock that follows the robot's progress."""
 
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from drake_shared.common.arrays import as_point, as_points, lengths
 
 
 class ProgressClock:
-    """The time of the nearest demonstrated point, searched forward from the one reached before.
+    """Measures progress along demonstrations as the time of their nearest point. It never runs back.
 
     Args:
         times: Shape (N,), of the grid, in [s], increasing.
-        demonstrations: Shape (m, N, 2), positions on that grid, in [m].
-        horizon: How far ahead the search goes at once, in [s].
-        tolerance: Among points that are nearly as near as the nearest, in [m], the latest counts: where
-            demonstrations linger (at their start, say) the clock does not wait for the last millimetre.
+        demonstrations: Shape (m, N, D), positions on that grid, in [m].
+        horizon: How far from the time reached the search extends, in [s], forward and back.
+        tolerance: Of points whose distance is within this of the least, in [m], the latest counts: where
+            demonstrations linger (at their start, for example) the clock does not wait for the last
+            millimetre.
     """
 
     def __init__(
         self,
-        times: np.ndarray,
-        demonstrations: np.ndarray,
+        times: ArrayLike,
+        demonstrations: NDArray[np.float64],
         *,
         horizon: float = 1.0,
         tolerance: float = 0.03,
     ) -> None:
         # One time is looked up faster in a list than in an array.
         self._times: list[float] = np.asarray(times, dtype=float).tolist()
-        # As complex numbers, which numpy subtracts and measures in one go each; time first, so that a window
-        # of the search is one block of memory.
-        self._paths = np.ascontiguousarray((demonstrations[:, :, 0] + 1j * demonstrations[:, :, 1]).T)
+        # Time first, so that a window of the search is one block of memory.
+        self._points = as_points(demonstrations.swapaxes(0, 1))
         self._horizon = horizon
         self._tolerance = tolerance
 
-    def advance(self, reached: float, x: float, y: float) -> float:
-        """The time now, in [s], of a robot at (``x``, ``y``) in [m] that had reached the time ``reached``."""
-        first = bisect_left(self._times, reached)
+    def advance(self, reached: float, *position: float) -> float:
+        """The time now, in [s].
+
+        Args:
+            reached: The time that the robot had reached before, in [s].
+            position: D coordinates of the robot, in [m]. If one is NaN, the time stays as it was.
+        """
+        # Points behind count too: otherwise a clock ahead of the robot takes the point it has reached for the
+        # nearest, gains the tolerance at every step, and runs away from slow demonstrations.
+        first = bisect_left(self._times, reached - self._horizon)
         last = max(bisect_right(self._times, reached + self._horizon), first + 1)
-        distances = np.abs(self._paths[first:last] - complex(x, y)).min(axis=1).tolist()
-        near = min(distances) + self._tolerance
+        offsets = self._points[first:last] - as_point(position, self._points)
+        distances = lengths(offsets).min(axis=1).tolist()
+        limit = min(distances) + self._tolerance
         for index in reversed(range(len(distances))):
-            if distances[index] <= near:
+            if distances[index] <= limit:
                 return max(reached, self._times[first + index])
-        return reached  # The position is no number.
+        return reached

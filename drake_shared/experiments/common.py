@@ -10,7 +10,7 @@ from typing import Any
 from drake_shared.analysis.metrics import metrics
 from drake_shared.arbitration.authority import authority_for
 from drake_shared.common.errors import RunError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import Learner
 from drake_shared.learners.cnmp.parameters import PRESETS, TrainingParameters
 from drake_shared.operators.behaviour import Behaviour

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drake_shared.analysis.statistics import Claim, Estimate, claim, interval, paired_claims
-from drake_shared.demonstrations.demonstrations import sampling_weights
+from drake_shared.demonstrations import sampling_weights
 from drake_shared.experiments.common import (
     as_demonstrations,
     drives,

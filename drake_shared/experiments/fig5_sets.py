@@ -9,7 +9,7 @@ import numpy as np
 from drake_shared.analysis.statistics import interval
 from drake_shared.analysis.weight_figure import draw_weights_on
 from drake_shared.common.errors import RunError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations, sampling_weights
+from drake_shared.demonstrations import Demonstration, Demonstrations, demonstration_weights
 from drake_shared.experiments.common import (
     as_demonstrations,
     drives,
@@ -85,8 +85,7 @@ def run_repeats(scenario: str | None, preset: str, repeats: list[int]) -> dict[s
 
 
 def _rows(name: str, repeat: int, first: Demonstrations, new: list[Demonstration]) -> list[dict[str, Any]]:
-    scores = [item.score for item in (*first, *new)]
-    weights = sampling_weights(scores)
+    weights = demonstration_weights(Demonstrations(items=(*first, *new)))
     return [
         {
             "set": name,

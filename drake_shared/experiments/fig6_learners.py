@@ -16,7 +16,7 @@ import numpy as np
 
 from drake_shared.analysis.statistics import Claim
 from drake_shared.common.errors import RunError
-from drake_shared.demonstrations.demonstrations import Demonstration
+from drake_shared.demonstrations import Demonstration
 from drake_shared.experiments.common import (
     TRIAL_COST,
     as_demonstrations,

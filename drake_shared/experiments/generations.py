@@ -11,7 +11,7 @@ from drake_shared.analysis.evaluation import calibration_of_confidence, judge_co
 from drake_shared.analysis.metrics import metrics
 from drake_shared.analysis.statistics import Claim, interval, not_worse, paired, paired_claims
 from drake_shared.common.errors import RunError
-from drake_shared.demonstrations.demonstrations import Demonstration
+from drake_shared.demonstrations import Demonstration
 from drake_shared.experiments.common import (
     as_demonstrations,
     drives,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.demonstrations.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations
 from drake_shared.experiments.common import as_demonstrations, drives, scenario_of
 from drake_shared.operators.named import changes_of_route, named_operator
 

@@ -10,7 +10,7 @@ import time
 from typing import Any
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.base import Learner, confidence, mean_variance
 from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.cnmp.parameters import PRESETS, TrainingParameters

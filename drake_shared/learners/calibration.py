@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_shared.demonstrations.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.base import Learner, mean_variance
 from drake_shared.learners.dataset import resample
 

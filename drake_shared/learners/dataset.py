@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drake_shared.common.arrays import path_at
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations, sampling_weights
+from drake_shared.demonstrations import Demonstration, Demonstrations, demonstration_weights
 
 SPACING = 0.1
 """Of the grid, in [s]; with half of it the human's weight changes by less than 0.005."""
@@ -68,18 +68,15 @@ def make_dataset(
     grid = make_grid(length)
     positions = np.stack([resample(item, grid) for item in demonstrations])
     mean_path = positions.mean(axis=0)
-    extent = float(np.ptp(positions.reshape(-1, 2), axis=0).max())
+    extent = float(np.ptp(positions, axis=(0, 1)).max())
     spread = float(np.sqrt(np.square(positions - mean_path).mean()))
     # One demonstration, or equal ones, have no spread: then a fiftieth of the way's extent is near enough to
     # call two positions the same. Standing still has no extent either, and any length will do.
     spread = max(spread, 0.02 * extent) or 1e-3
-    scores = demonstrations.scores if weighted else None
-    count = len(demonstrations)
-    weights = np.full(count, 1.0 / count) if scores is None else sampling_weights(scores)
     return Dataset(
         grid=grid,
         positions=positions,
-        weights=weights,
+        weights=demonstration_weights(demonstrations, weighted=weighted),
         mean_path=mean_path,
         spread=spread,
         extent=extent,
@@ -117,8 +114,7 @@ def normalisation(dataset: Dataset, *, centred: bool) -> tuple[float, NDArray[np
     """What positions are counted in, in [m], and from, shape (N, 2): the same for x and y."""
     if centred:
         return dataset.spread, dataset.mean_path
-    corners = dataset.positions.reshape(-1, 2)
-    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    middle = 0.5 * (dataset.positions.min(axis=(0, 1)) + dataset.positions.max(axis=(0, 1)))
     return 0.5 * dataset.extent or 1.0, np.broadcast_to(middle, dataset.mean_path.shape).copy()
 
 

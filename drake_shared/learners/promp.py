@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drake_shared.common.arrays import path_at
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.dataset import data_record, make_dataset
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drake_shared.common.errors import RunError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations, provenance_of_trial
+from drake_shared.demonstrations import Demonstration, Demonstrations, provenance_of_trial
 from drake_shared.scenario import Scenario, clearance_scorer
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 from drake_shared.systems.surrogate_operator import Behaviour

@@ -25,7 +25,7 @@ from threadpoolctl import threadpool_limits
 from drake_shared.arbitration.authority import Authority
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import replacing
-from drake_shared.demonstrations.demonstrations import LOG_FORMAT, METADATA_KEY
+from drake_shared.demonstrations import LOG_FORMAT, METADATA_KEY
 from drake_shared.learners import Learner
 from drake_shared.scenario import Goal, Scenario
 from drake_shared.simulation.diagram import LOG_COLUMNS, AddSharedControl

@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from drake_shared.demonstrations.progress_clock import ProgressClock
+from drake_shared.demonstrations import ProgressClock
 from drake_shared.learners import Learner, confidence
 from drake_shared.learners.modes import Modes
 from drake_shared.robots import DiffDrive

@@ -15,7 +15,7 @@ from drake_shared.analysis.evaluation import (
     ways_of,
 )
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.simulation.teaching import teach
 
 T = np.linspace(0.0, 10.0, 101)

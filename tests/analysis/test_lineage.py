@@ -7,7 +7,7 @@ import pytest
 from drake_shared.analysis.lineage import autonomy_share, lineage, trace
 from drake_shared.cli.main import main
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import read_demonstrations, write_demonstrations
+from drake_shared.demonstrations import read_demonstrations, write_demonstrations
 from drake_shared.learners import load_learner, save_learner, train
 from drake_shared.scenario import load_scenario
 from drake_shared.simulation.teaching import teach

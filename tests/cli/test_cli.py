@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drake_shared.cli.main import main
-from drake_shared.demonstrations.demonstrations import read_demonstrations
+from drake_shared.demonstrations import read_demonstrations
 from drake_shared.learners import load_learner
 from drake_shared.operators.named import OPERATORS
 from drake_shared.simulation.trial import read_log, write_log

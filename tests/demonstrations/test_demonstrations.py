@@ -1,4 +1,4 @@
-"""Demonstrations: their files, what is refused, their weights and their scores."""
+"""Demonstrations: files, invalid input, sampling weights and scores."""
 
 import json
 
@@ -9,9 +9,10 @@ import pytest
 
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import sha256_of
-from drake_shared.demonstrations.demonstrations import (
+from drake_shared.demonstrations import (
     Demonstration,
     Demonstrations,
+    demonstration_weights,
     load_scorer,
     read_demonstrations,
     sampling_weights,
@@ -47,7 +48,7 @@ def write_log(path, *, status: str = "reached", contact: bool = False, **metadat
     return write(path, data, **described)
 
 
-def test_what_is_written_is_read_back(tmp_path):
+def test_write_then_read_returns_the_demonstrations(tmp_path):
     items = (
         straight(score=0.2, yaws=np.zeros(4), provenance={"seed": 3}),
         straight(7, score=-1.0, yaws=np.ones(7)),
@@ -65,7 +66,7 @@ def test_what_is_written_is_read_back(tmp_path):
         np.testing.assert_array_equal(before.yaws, after.yaws)
 
 
-def test_four_columns_and_no_metadata_are_enough(tmp_path):
+def test_metadata_are_optional(tmp_path):
     read = read_demonstrations(write(tmp_path / "bare.parquet", columns()))
     assert len(read) == 1
     assert read.scores is None
@@ -121,7 +122,7 @@ def test_a_log_counts_if_it_reached_the_goal_without_contact(tmp_path, options, 
         ({"demonstration": np.array([0, 1, 1, 1])}, "demonstration 0: t must hold at least 2 points"),
     ],
 )
-def test_what_is_broken_is_refused_by_file_and_field(tmp_path, change, message):
+def test_invalid_columns_are_refused_by_file_and_field(tmp_path, change, message):
     data = {name: value for name, value in {**columns(), **change}.items() if value is not None}
     path = write(tmp_path / "bad.parquet", data)
     with pytest.raises(InputError, match=message) as error:
@@ -155,7 +156,7 @@ def test_missing_empty_and_foreign_files_are_refused(tmp_path):
         ({"format": "drake_shared.demonstrations", "version": "1"}, "version must be at most 1"),
         (
             {"format": "something"},
-            "format must be drake_shared.demonstrations.demonstrations or drake_shared.log",
+            "format must be drake_shared.demonstrations or drake_shared.log",
         ),
         ({"format": "drake_shared.demonstrations", "version": 1, "scores": [1, 2]}, "scores must have one"),
         ({"format": "drake_shared.demonstrations", "version": 1, "scores": ["a"]}, "scores must be"),
@@ -166,7 +167,7 @@ def test_metadata_must_fit(tmp_path, metadata, message):
         read_demonstrations(write(tmp_path / "bad.parquet", columns(), **metadata))
 
 
-def test_metadata_that_is_no_json_is_refused(tmp_path):
+def test_metadata_that_are_not_json_are_refused(tmp_path):
     table = pa.table(columns()).replace_schema_metadata({b"drake_shared": b"{"})
     pq.write_table(table, tmp_path / "bad.parquet")
     with pytest.raises(InputError, match="metadata must be a JSON object"):
@@ -214,7 +215,7 @@ def test_demonstrations_cannot_be_changed_from_outside():
         demonstration.positions[0] = 1.0
 
 
-def test_weights_are_the_normal_density_centred_on_the_best_score():
+def test_weights_are_a_normal_density_centred_on_the_best_score():
     weights = sampling_weights([0.1, 0.3, 0.2], width=0.1)
     density = [np.exp(-0.5 * ((score - 0.3) / 0.1) ** 2) for score in (0.1, 0.3, 0.2)]
     np.testing.assert_allclose(weights, np.array(density) / sum(density))
@@ -233,13 +234,13 @@ def test_equal_scores_give_equal_weights_however_low():
 
 
 @pytest.mark.parametrize("scores", [[0.1, np.nan], [np.inf, 0.0], [], [[0.1]]])
-def test_scores_that_say_nothing_are_refused(scores):
+def test_invalid_scores_are_refused(scores):
     with pytest.raises(InputError, match="must be"):
         sampling_weights(scores)
 
 
 @pytest.mark.parametrize("width", [0.0, -1.0, np.nan, np.inf])
-def test_a_width_that_means_nothing_is_refused(width):
+def test_invalid_widths_are_refused(width):
     with pytest.raises(InputError, match="width must be positive"):
         sampling_weights([0.1, 0.2], width=width)
 
@@ -261,3 +262,50 @@ def test_a_scorer_is_found_by_module_and_function():
             load_scorer(name)
     with pytest.raises(InputError, match="must be callable"):
         load_scorer("numpy:pi")
+
+
+def task(scale: float, size: int = 2) -> Demonstrations:
+    """Two demonstrations 5 m long, scored by a clearance in [m], times ``scale``."""
+    times = np.linspace(0.0, 1.0, 5)
+    line = scale * 5.0 * times[:, None] * np.ones(size)
+    items = [Demonstration(times=times, positions=line, score=scale * score) for score in (0.30, 0.31)]
+    return Demonstrations(items=tuple(items))
+
+
+@pytest.mark.parametrize("scale", [0.1, 0.3, 2.0, 10.0])
+def test_a_task_of_another_size_has_the_same_weights(scale):
+    np.testing.assert_allclose(demonstration_weights(task(scale)), demonstration_weights(task(1.0)))
+    np.testing.assert_allclose(demonstration_weights(task(1.0)), sampling_weights([0.30, 0.31]))
+    np.testing.assert_allclose(demonstration_weights(task(1.0), weighted=False), 0.5)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 7])
+def test_positions_of_any_size_are_read_back_under_their_names(tmp_path, size):
+    written = task(1.0, size)
+    write_demonstrations(tmp_path / "demos.parquet", written)
+    read = read_demonstrations(tmp_path / "demos.parquet")
+    assert read.position_names == written.position_names
+    assert read.position_names[:2] == (("x", "y")[:size] if size <= 3 else ("p0", "p1"))
+    np.testing.assert_array_equal(read[1].positions, written[1].positions)
+
+
+def test_names_of_coordinates_are_columns(tmp_path):
+    item = Demonstration(
+        times=[0.0, 1.0], positions=[[1.0, 2.0], [3.0, 4.0]], position_names=("lift", "reach")
+    )
+    write_demonstrations(tmp_path / "arm.parquet", Demonstrations(items=(item,)))
+    assert {"lift", "reach"} < set(pq.read_table(tmp_path / "arm.parquet").column_names)
+    assert read_demonstrations(tmp_path / "arm.parquet").position_names == ("lift", "reach")
+    with pytest.raises(InputError, match="position_names"):
+        Demonstration(times=[0.0, 1.0], positions=np.zeros((2, 2)), position_names=("x", "x"))
+
+
+def test_a_file_without_metadata_may_have_a_z(tmp_path):
+    read = read_demonstrations(write(tmp_path / "bare.parquet", {**columns(), "z": np.arange(4.0)}))
+    assert read.position_names == ("x", "y", "z")
+    np.testing.assert_array_equal(read[0].positions[:, 2], np.arange(4.0))
+
+
+def test_demonstrations_of_different_coordinates_are_refused(tmp_path):
+    with pytest.raises(InputError, match="coordinates"):
+        Demonstrations(items=(task(1.0, 2)[0], task(1.0, 3)[0]))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import train
 
 ITERATIONS = 250

@@ -8,7 +8,7 @@ from safetensors import safe_open
 from safetensors.numpy import save_file
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import Learner, confidence, load_learner, mean_variance, save_learner, train
 from drake_shared.learners.cesn.model import encode, within
 from drake_shared.learners.cesn.reservoir import STEPS, echo_states

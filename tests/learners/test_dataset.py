@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations, sampling_weights
+from drake_shared.demonstrations import Demonstration, Demonstrations, sampling_weights
 from drake_shared.learners.dataset import make_dataset, make_grid
 
 

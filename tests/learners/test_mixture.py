@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import load_learner, save_learner, train
 from drake_shared.learners.route_clustering import find_ways
 

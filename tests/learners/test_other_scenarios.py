@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import train
 
 TIMES = np.linspace(0.0, 10.0, 101)

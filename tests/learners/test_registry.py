@@ -8,7 +8,7 @@ import pytest
 
 from drake_shared.cli.main import main
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations, write_demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations, write_demonstrations
 from drake_shared.learners import find_learner, learner_names, load_learner, train
 from drake_shared.scenario import load_scenario
 from drake_shared.simulation.trial import Simulation, TrialSettings

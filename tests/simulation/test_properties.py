@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from drake_shared.cli.main import main
 from drake_shared.common.files import models_directory
-from drake_shared.demonstrations.demonstrations import (
+from drake_shared.demonstrations import (
     Demonstration,
     Demonstrations,
     read_demonstrations,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_shared.common.errors import RunError
-from drake_shared.demonstrations.demonstrations import read_demonstrations, write_demonstrations
+from drake_shared.demonstrations import read_demonstrations, write_demonstrations
 from drake_shared.scenario import clearance_scorer
 from drake_shared.scenario.paths import passing_side
 from drake_shared.simulation.teaching import teach

@@ -10,7 +10,7 @@ import pytest
 from pydrake.systems.framework import DiscreteStateIndex, LeafSystem
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations, write_demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations, write_demonstrations
 from drake_shared.simulation.trial import (
     RunningTrial,
     Simulation,

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.experiments.benchmark.predict import one_torch_thread
 from drake_shared.experiments.benchmark.results import Curve, GroupResult, make_curve
 from drake_shared.experiments.benchmark.test_tasks import Setting, with_grid

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners.dataset import resample
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.trial import Simulation, TrialSettings

@@ -11,7 +11,7 @@ import numpy as np
 
 from drake_shared.common.arrays import path_at
 from drake_shared.common.files import models_directory
-from drake_shared.demonstrations.demonstrations import Demonstrations, read_demonstrations
+from drake_shared.demonstrations import Demonstrations, read_demonstrations
 from drake_shared.learners import Learner, load_learner
 from drake_shared.learners.cnmp.learner import CnmpLearner
 from drake_shared.learners.cnmp.parameters import find_parameters

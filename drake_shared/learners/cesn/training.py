@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from drake_shared.common.arrays import path_at
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.augmentation import left_unknown, make_blend, wander_basis
 from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
 from drake_shared.learners.cesn.learner import CesnLearner

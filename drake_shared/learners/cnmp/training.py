@@ -14,7 +14,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
 from drake_shared.learners.cnmp.learner import CnmpLearner
 from drake_shared.learners.cnmp.optimization import Optimisation, Progress

@@ -6,7 +6,7 @@ from time import perf_counter
 from typing import Any
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.cnmp.training import train_together
 from drake_shared.learners.ensemble.learner import EnsembleLearner

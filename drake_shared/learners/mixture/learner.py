@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.cnmp.file import cnmps_from_file, cnmps_to_file
 from drake_shared.learners.cnmp.learner import CnmpLearner

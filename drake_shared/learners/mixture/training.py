@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.demonstrations.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.cnmp.optimization import Progress
 from drake_shared.learners.cnmp.parameters import TrainingParameters, find_parameters
 from drake_shared.learners.cnmp.training import (

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations, write_demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations, write_demonstrations
 from drake_shared.experiments.benchmark import training
 from drake_shared.experiments.benchmark.published_cnmp import PublishedCnmp
 from drake_shared.experiments.benchmark.routes import drive_routes, make_routes

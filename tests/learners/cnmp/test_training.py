@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_shared.common.errors import InputError, RunError
-from drake_shared.demonstrations.demonstrations import Demonstration, Demonstrations
+from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import PRESETS, train
 
 QUICK = 60
