@@ -43,6 +43,8 @@ def as_point(position: Sequence[float], points: NDArray[Any]) -> complex | NDArr
 
 def lengths(offsets: NDArray[Any]) -> NDArray[np.float64]:
     """Euclidean lengths (...) of differences of `as_points`."""
-    if offsets.dtype.kind == "c":
-        return np.abs(offsets)
-    return np.sqrt(np.einsum("...d,...d", offsets, offsets))
+    planar = offsets.dtype.kind == "c"
+    result: NDArray[np.float64] = (
+        np.abs(offsets) if planar else np.sqrt(np.einsum("...d,...d", offsets, offsets))
+    )
+    return result
