@@ -134,7 +134,7 @@ if TYPE_CHECKING:
     from drake_shared.systems.dynamic_plant import (
         DynamicPlant as DynamicPlant,
     )
-    from drake_shared.systems.intention_estimator import (
+    from drake_shared.systems.intention import (
         Intention as Intention,
     )
     from drake_shared.systems.intention_estimator import (
@@ -178,7 +178,7 @@ _MODULES = {
     "Faults": "drake_shared.simulation.faults",
     "Goal": "drake_shared.scenario",
     "InputError": "drake_shared.common.errors",
-    "Intention": "drake_shared.systems.intention_estimator",
+    "Intention": "drake_shared.systems.intention",
     "IntentionEstimator": "drake_shared.systems.intention_estimator",
     "IntentionVisualizer": "drake_shared.systems.intention_visualizer",
     "Learner": "drake_shared.learners",

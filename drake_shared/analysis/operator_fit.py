@@ -225,7 +225,7 @@ class _Drive:
         poses = np.stack([trial["x"], trial["y"], trial["yaw"]], axis=-1)[:-1]
         # Whole turns do not matter to a driver, but to what lies between two poses.
         poses[:, 2] = np.unwrap(poses[:, 2])
-        self._seen = np.concatenate([poses[::-1].ravel(), self._law.nothing_seen])
+        self._seen = np.concatenate([poses[::-1].ravel(), self._law.initial_memory])
         self._count = len(poses)
         self.commands = trial.commands("human")[1:]
         self._weight = trial["human_weight"][:-1]

@@ -92,7 +92,7 @@ def write_replay(
     for name in ("pose", "human_command"):
         builder.Connect(playback.GetOutputPort(name), estimator.GetInputPort(name))
     builder.Connect(estimator.GetOutputPort("intention"), visualizer.GetInputPort("intention"))
-    for name in LogPlayback.SIZES:
+    for name in rows:
         builder.Connect(playback.GetOutputPort(name), visualizer.GetInputPort(name))
     looks = MeshcatVisualizerParams(role=Role.kIllustration, prefix="scene", publish_period=period)
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, looks)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
+from drake_shared.common.errors import InputError
 from drake_shared.common.files import models_directory
 from drake_shared.robots.robot import scaled_length
 
@@ -45,6 +46,12 @@ class DiffDrive:
     """Of each wheel along the floor, in [m/s]."""
     max_acceleration: float = 1.5
     """Of each wheel along the floor, in [m/s^2]."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if field.name != "model" and not (math.isfinite(value) and value > 0.0):
+                raise InputError("robot", field.name, "must be positive and finite", value)
 
     @property
     def max_wheel_speed(self) -> float:
@@ -102,6 +109,19 @@ class DiffDrive:
         half = 0.5 * yaw_rate * horizon
         chord = speed * horizon * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
         return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half)
+
+    def stick_command(
+        self, forward: float, left: float, *, max_speed: float, max_yaw_rate: float
+    ) -> tuple[float, float]:
+        """Wheel speeds, in [rad/s]: forward deflection is speed, deflection to the left is yaw rate.
+
+        Args:
+            forward: In [-1, 1].
+            left: In [-1, 1].
+            max_speed: Speed at full deflection, in [m/s].
+            max_yaw_rate: Yaw rate at full deflection, in [rad/s].
+        """
+        return self.wheel_speeds(max_speed * forward, max_yaw_rate * left)
 
     def command_toward(
         self, configuration: Sequence[float], target: Sequence[float], duration: float

@@ -4,12 +4,15 @@ import dataclasses
 import itertools
 import math
 import os
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drake_shared.common.errors import InputError
-from drake_shared.scenario.obstacles import ObstacleDistance, position_at
+from drake_shared.robots import scaled_length
+from drake_shared.scenario.obstacles import Obstacle, ObstacleDistance, position_at
 from drake_shared.scenario.paths import passing_side
 from drake_shared.scenario.scenario import MOST_STEPS, PLANTS, Route, Scenario, clearance_scorer
 
@@ -18,8 +21,9 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
     """Makes sure that a trial can be run in ``scenario``.
 
     Raises:
-        InputError: Something is not finite, not positive where it must be, outside the workspace, in an
-            obstacle with the footprint counted, or passes an obstacle on another side than it says.
+        InputError: A value is not finite, or not positive where it must be; start, goal or a route lies
+            outside the workspace or closer to an obstacle than the footprint's radius; or a route passes an
+            obstacle on another side than its ``sides`` have it.
     """
     _check_finite(scenario, "", source)
     _check_sizes(scenario, source)
@@ -43,14 +47,14 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
         _check_route(scenario, route, clearance, source)
 
 
-def _check_finite(item, field: str, source) -> None:
-    """Every number in the dataclass ``item`` is finite; yaml reads .nan and .inf without a word."""
+def _check_finite(item: Any, field: str, source: str | os.PathLike[str]) -> None:
+    """Checks that every number in the dataclass ``item`` is finite; YAML allows .nan and .inf."""
     for entry in dataclasses.fields(item):
         name = f"{field}.{entry.name}" if field else entry.name
         _check_value(getattr(item, entry.name), name, source)
 
 
-def _check_value(value, name: str, source) -> None:
+def _check_value(value: Any, name: str, source: str | os.PathLike[str]) -> None:
     if isinstance(value, float) and not math.isfinite(value):
         raise InputError(source, name, "must be given, as a finite number", value)
     if isinstance(value, list):
@@ -60,7 +64,7 @@ def _check_value(value, name: str, source) -> None:
         _check_finite(value, name, source)
 
 
-def _check_sizes(scenario: Scenario, source) -> None:
+def _check_sizes(scenario: Scenario, source: str | os.PathLike[str]) -> None:
     robot, space = scenario.robot, scenario.workspace
     if not scenario.name:
         raise InputError(source, "name", "must be given")
@@ -105,7 +109,7 @@ def _check_sizes(scenario: Scenario, source) -> None:
             raise InputError(source, field, "must have names that differ", ", ".join(names))
 
 
-def check_obstacle_path(obstacle, source) -> None:
+def check_obstacle_path(obstacle: Obstacle, source: str | os.PathLike[str]) -> None:
     """Checks the path of a moving obstacle.
 
     Raises:
@@ -115,10 +119,10 @@ def check_obstacle_path(obstacle, source) -> None:
     if any(len(point) != 3 or not all(map(math.isfinite, point)) for point in path):
         raise InputError(source, field, "must be finite points [t, x, y]", path)
     if any(a[0] >= b[0] for a, b in itertools.pairwise(path)):
-        raise InputError(source, field, "must go on in time", [point[0] for point in path])
+        raise InputError(source, field, "must have increasing times", [point[0] for point in path])
 
 
-def _check_moving(scenario: Scenario, obstacle, source) -> None:
+def _check_moving(scenario: Scenario, obstacle: Obstacle, source: str | os.PathLike[str]) -> None:
     check_obstacle_path(obstacle, source)
     field, start = f"obstacles: {obstacle.name}: path", scenario.start
     at_first = position_at(obstacle, 0.0)
@@ -130,7 +134,12 @@ def _check_moving(scenario: Scenario, obstacle, source) -> None:
         raise InputError(source, field, "must not start on the robot", left)
 
 
-def _check_route(scenario: Scenario, route: Route, clearance, source) -> None:
+def _check_route(
+    scenario: Scenario,
+    route: Route,
+    clearance: Callable[[NDArray[np.float64]], float],
+    source: str | os.PathLike[str],
+) -> None:
     field = f"routes: {route.name}"
     if len(route.waypoints) < 2 or any(len(point) != 2 for point in route.waypoints):
         raise InputError(source, field, "must have at least two waypoints [x, y]", route.waypoints)
@@ -140,8 +149,9 @@ def _check_route(scenario: Scenario, route: Route, clearance, source) -> None:
     for name, place, waypoint in ends:
         if math.dist((place.x, place.y), waypoint) > 1e-6:
             raise InputError(source, field, f"must lead from start to goal; it misses the {name}", waypoint)
-    path = route.path(scenario.start)
-    positions = path.position(np.linspace(0, path.length, max(50, int(path.length / 0.02))))
+    path = scenario.path_of(route)
+    count = max(50, int(path.length / scaled_length(scenario.robot, 0.02)))
+    positions = path.position(np.linspace(0, path.length, count))
     outside = [point for point in positions if not scenario.workspace.contains(*point)]
     if outside:
         raise InputError(source, field, "must stay inside the workspace", np.round(outside[0], 3))
@@ -151,7 +161,7 @@ def _check_route(scenario: Scenario, route: Route, clearance, source) -> None:
     names = {item.name for item in scenario.static_obstacles}
     if set(route.sides) != names:
         raise InputError(
-            source, f"{field}: sides", f"must name every obstacle that stands ({', '.join(sorted(names))})"
+            source, f"{field}: sides", f"must name every static obstacle ({', '.join(sorted(names))})"
         )
     for item in scenario.static_obstacles:
         side = passing_side(positions, (item.x, item.y))

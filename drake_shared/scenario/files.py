@@ -1,4 +1,4 @@
-"""Scenarios as YAML: reading them, from a file, by name or out of a log."""
+"""Reads scenarios: from a YAML file, by name, or from the metadata of a log."""
 
 import dataclasses
 import json
@@ -24,7 +24,7 @@ def load_scenario(path: str | os.PathLike[str] | None = None) -> Scenario:
         path: A YAML file, or the name of one in models/scenarios; the two-obstacle task if None.
 
     Raises:
-        InputError: The file is missing, is no scenario, or describes what cannot be.
+        InputError: The file is missing or is not a scenario, or `check_scenario` fails.
     """
     given = "two_obstacles" if path is None else os.fspath(path)
     file = Path(given)
@@ -41,10 +41,10 @@ def load_scenario(path: str | os.PathLike[str] | None = None) -> Scenario:
 
 
 def scenario_from_dict(data: Mapping[str, Any], *, source: str | os.PathLike[str] = "scenario") -> Scenario:
-    """The scenario that ``dataclasses.asdict`` made ``data`` of; logs hold theirs so.
+    """The scenario whose ``dataclasses.asdict`` is ``data``, as logs hold it.
 
     Raises:
-        InputError: It is not what a scenario must be.
+        InputError: ``data`` is not a scenario, or `check_scenario` fails.
     """
     try:
         given = dict(data)
@@ -58,8 +58,8 @@ def scenario_from_dict(data: Mapping[str, Any], *, source: str | os.PathLike[str
 
 
 def _read_scenario(text: str, *, source: str | os.PathLike[str]) -> Scenario:
-    """The scenario that a YAML text describes, checked."""
-    text += "\n"  # No text at all would count as none given.
+    """Reads and checks the scenario of a YAML text."""
+    text += "\n"  # yaml_load_typed takes an empty text for a missing argument.
     try:
         scenario = yaml_load_typed(schema=Scenario, data=text)
     except Exception as error:  # It raises RuntimeError, yaml.YAMLError, TypeError and others.
@@ -73,16 +73,16 @@ def _read_scenario(text: str, *, source: str | os.PathLike[str]) -> Scenario:
 
 
 def _field_at_fault(text: str) -> str:
-    """The first field that yaml_load_typed cannot take; empty if the fault lies in the whole.
+    """The first field that yaml_load_typed refuses; empty if it is not a single field.
 
-    It does not say where it met a wrong type; but as everything has a default, each can be tried alone.
+    Its errors do not name the field. Since every field has a default, each can be tried alone.
     """
     fields: list[str] = []
     tried: Any = Scenario()
     while dataclasses.is_dataclass(tried):
         try:
             given = yaml_load_data(text)
-        except Exception:  # No YAML at all.
+        except Exception:  # Not YAML.
             break
         for name, value in given.items() if isinstance(given, dict) else ():
             alone = yaml_dump({name: value})

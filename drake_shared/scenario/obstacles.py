@@ -1,9 +1,11 @@
-"""Obstacles of a task: their shapes, where they stand, and how far points are from them."""
+"""Obstacles of a task: shapes, places, geometry in a SceneGraph, and distances to them."""
 
 import dataclasses
 import math
+from collections.abc import Collection
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydrake.geometry import (
     Box as BoxShape,
 )
@@ -21,8 +23,8 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RollPitchYaw
 
 _DRAWN_HEIGHT = 0.3
-# Obstacles are felt in the plane: geometry this tall has its nearest face at the side, never at the top.
-_FELT_HEIGHT = 1.0e3
+# Distances are measured in the plane: the nearest face of a geometry this tall is at its side, never on top.
+_PROXIMITY_HEIGHT = 1.0e3
 _COLOR = Rgba(0.45, 0.50, 0.56, 1.0)
 
 
@@ -35,10 +37,10 @@ class Circle:
     y: float = math.nan
     radius: float = math.nan
     path: list[list[float]] = dataclasses.field(default_factory=list)
-    """Points [t, x, y] in [s] and [m]; straight and even between them, at rest before and after."""
+    """Points [t, x, y] in [s] and [m]; linear between them, at rest before the first and after the last."""
 
     def sizes(self) -> dict[str, float]:
-        """What must be positive."""
+        """Fields that must be positive, by name."""
         return {"radius": self.radius}
 
     def shape(self, height: float) -> Shape:
@@ -46,11 +48,11 @@ class Circle:
         return Cylinder(self.radius, height)
 
     def yaw_angle(self) -> float:
-        """A circle has no direction."""
+        """Zero: a circle has no direction."""
         return 0.0
 
     def bounding_radius(self) -> float:
-        """Radius of the least circle about (x, y) that holds the obstacle, in [m]."""
+        """Radius of the smallest circle about (x, y) that contains the obstacle, in [m]."""
         return self.radius
 
 
@@ -68,10 +70,10 @@ class Box:
     width: float = math.nan
     yaw: float = 0.0
     path: list[list[float]] = dataclasses.field(default_factory=list)
-    """Points [t, x, y] in [s] and [m]; straight and even between them, at rest before and after."""
+    """Points [t, x, y] in [s] and [m]; linear between them, at rest before the first and after the last."""
 
     def sizes(self) -> dict[str, float]:
-        """What must be positive."""
+        """Fields that must be positive, by name."""
         return {"length": self.length, "width": self.width}
 
     def shape(self, height: float) -> Shape:
@@ -79,11 +81,11 @@ class Box:
         return BoxShape(self.length, self.width, height)
 
     def yaw_angle(self) -> float:
-        """Its direction, in [rad]."""
+        """Direction of the box's own x, in [rad]."""
         return self.yaw
 
     def bounding_radius(self) -> float:
-        """Radius of the least circle about (x, y) that holds the obstacle, in [m]."""
+        """Radius of the smallest circle about (x, y) that contains the obstacle, in [m]."""
         return math.hypot(self.length, self.width) / 2
 
 
@@ -91,7 +93,7 @@ Obstacle = Circle | Box
 
 
 def position_at(obstacle: Obstacle, time: float) -> tuple[float, float]:
-    """Where the obstacle is at ``time``, in [s] from the start of a trial: (x, y) in [m], world frame."""
+    """Position (x, y) of the obstacle, in [m], world frame, at ``time``, in [s] from the start of a trial."""
     if not obstacle.path:
         return obstacle.x, obstacle.y
     times, xs, ys = zip(*obstacle.path, strict=True)
@@ -99,27 +101,27 @@ def position_at(obstacle: Obstacle, time: float) -> tuple[float, float]:
 
 
 def register_obstacles(scene_graph: SceneGraph, obstacles: list[Obstacle]) -> list[GeometryId]:
-    """Anchors the obstacles in ``scene_graph``, to be felt (proximity) and seen (illustration).
+    """Anchors the obstacles in ``scene_graph``, with proximity and illustration geometry.
 
-    One that moves is anchored where it is at first; `drake_shared.systems.moving_obstacles` moves it.
+    One that moves is anchored at its first position; `drake_shared.systems.moving_obstacles` moves it.
 
     Returns:
-        The identifiers of what can be felt, in the order of ``obstacles``.
+        The proximity geometries, in the order of ``obstacles``.
     """
     source = scene_graph.RegisterSource("obstacles")
-    felt = []
+    solids = []
     for obstacle in obstacles:
         solid, drawn = obstacle_geometry(obstacle, obstacle.x, obstacle.y)
-        felt.append(scene_graph.RegisterAnchoredGeometry(source, solid))
+        solids.append(scene_graph.RegisterAnchoredGeometry(source, solid))
         scene_graph.RegisterAnchoredGeometry(source, drawn)
-    return felt
+    return solids
 
 
 def obstacle_geometry(obstacle: Obstacle, x: float, y: float) -> tuple[GeometryInstance, GeometryInstance]:
-    """What is felt of an obstacle and what is seen, at (``x``, ``y``) of their frame, in [m]."""
+    """Proximity and illustration geometry of an obstacle, at (``x``, ``y``) of their frame, in [m]."""
     rotation = RollPitchYaw(0, 0, obstacle.yaw_angle())
     X_FG = RigidTransform(rotation, [x, y, 0])
-    solid = GeometryInstance(X_FG, obstacle.shape(_FELT_HEIGHT), obstacle.name)
+    solid = GeometryInstance(X_FG, obstacle.shape(_PROXIMITY_HEIGHT), obstacle.name)
     solid.set_proximity_properties(ProximityProperties())
     X_FG = RigidTransform(rotation, [x, y, _DRAWN_HEIGHT / 2])
     drawn = GeometryInstance(X_FG, obstacle.shape(_DRAWN_HEIGHT), f"{obstacle.name}_drawn")
@@ -129,17 +131,27 @@ def obstacle_geometry(obstacle: Obstacle, x: float, y: float) -> tuple[GeometryI
     return solid, drawn
 
 
-def least_distance(query: QueryObject, x: float, y: float) -> float:
+def least_distance(
+    query: QueryObject, x: float, y: float, *, geometry_ids: Collection[GeometryId] | None = None
+) -> float:
     """Distance in the plane from (``x``, ``y``) to the nearest obstacle, in [m]; negative inside one.
 
-    Infinite where there is no obstacle.
+    Args:
+        query: Of the SceneGraph.
+        x, y: In [m], world frame.
+        geometry_ids: Geometries that are obstacles; all with a proximity role if None.
+
+    Returns:
+        Infinite without obstacles.
     """
     found = query.ComputeSignedDistanceToPoint(np.array([x, y, 0.0]))
+    if geometry_ids is not None:
+        found = [item for item in found if item.id_G in geometry_ids]
     return min((item.distance for item in found), default=math.inf)
 
 
 class ObstacleDistance:
-    """Distances to a fixed set of obstacles, through SceneGraph but without a diagram around it."""
+    """Distances to a fixed set of obstacles, computed by a SceneGraph without a diagram."""
 
     def __init__(self, obstacles: list[Obstacle]) -> None:
         self._scene_graph = SceneGraph()
@@ -147,6 +159,10 @@ class ObstacleDistance:
         self._context = self._scene_graph.CreateDefaultContext()
         self._query = self._scene_graph.get_query_output_port().Eval(self._context)
 
-    def __call__(self, positions: np.ndarray) -> np.ndarray:
-        """Distance from each of ``positions`` (n, 2) in [m] to the nearest obstacle: (n,), in [m]."""
-        return np.array([least_distance(self._query, x, y) for x, y in np.reshape(positions, (-1, 2))])
+    def __call__(self, positions: ArrayLike) -> NDArray[np.float64]:
+        """Distances (n,), in [m], in the plane, to the nearest obstacle.
+
+        Args:
+            positions: Shape (n, D) or (D,), in [m], with x and y first.
+        """
+        return np.array([least_distance(self._query, x, y) for x, y, *_ in np.atleast_2d(positions).tolist()])

@@ -1,24 +1,26 @@
-"""Curves in the plane: smooth ones through waypoints, and on which side one passes a point."""
+"""Smooth curves through waypoints in the plane, and the side on which a curve passes a point."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-_SPACING = 0.005
+SPACING = 0.005
+"""Between the points of a curve, in [m], for a robot of the size of the Pioneer P3-DX."""
 
 
 class Path:
     """A twice differentiable curve through waypoints, by arc length.
 
     Args:
-        waypoints: Points (n, 2), n >= 2, in [m].
+        waypoints: Shape (n, 2), n >= 2, in [m].
         heading: Direction at the first waypoint, in [rad]; free if None.
-        spacing: Of the points that stand for the curve, in [m].
+        spacing: Distance between the points that represent the curve, in [m].
     """
 
     def __init__(
-        self, waypoints: np.ndarray, *, heading: float | None = None, spacing: float = _SPACING
+        self, waypoints: NDArray[np.float64], *, heading: float | None = None, spacing: float = SPACING
     ) -> None:
         chords = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
         knots = np.concatenate([[0.0], np.cumsum(chords)])
@@ -30,12 +32,12 @@ class Path:
         arc = np.concatenate([[0.0], np.cumsum(pieces)])
         self.length = float(arc[-1])
         """In [m]."""
-        # Even in arc length, so that a point is found by a division.
+        # Equidistant in arc length, so that a division finds a point.
         count = max(int(self.length / spacing), 100) + 1
         self._spacing = self.length / (count - 1)
         u = np.interp(np.arange(count) * self._spacing, arc, fine)
         self._points = curve(u)
-        # The same as complex numbers, which numpy subtracts and measures in one go each.
+        # As complex numbers, which numpy subtracts and measures with one call each.
         self._plane = self._points[:, 0] + 1j * self._points[:, 1]
         dx, dy = curve(u, 1).T
         ddx, ddy = curve(u, 2).T
@@ -45,7 +47,7 @@ class Path:
             zip(*self._points.T.tolist(), headings.tolist(), curvatures.tolist(), strict=True)
         )
 
-    def position(self, arc_length: np.ndarray) -> np.ndarray:
+    def position(self, arc_length: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (n, 2) in [m] at ``arc_length`` (n,) in [m], held at the ends."""
         arc = np.arange(len(self._points)) * self._spacing
         return np.stack([np.interp(arc_length, arc, self._points[:, axis]) for axis in (0, 1)], axis=-1)
@@ -53,12 +55,12 @@ class Path:
     def frame(self, arc_length: float) -> tuple[float, float, float, float]:
         """Position x, y in [m], direction in [rad] and curvature in [1/m] at ``arc_length`` in [m].
 
-        Of the nearest of the points that stand for the curve.
+        Those of the nearest of the points that represent the curve.
         """
         return self._frames[self._index(arc_length)]
 
     def nearest(self, x: float, y: float, *, between: tuple[float, float]) -> float:
-        """Arc length, in [m], of the point nearest to (``x``, ``y``) in an interval of arc lengths."""
+        """Arc length, in [m], of the point nearest to (``x``, ``y``), within an interval of arc lengths."""
         first, last = self._index(between[0]), self._index(between[1]) + 1
         return (first + int(np.abs(self._plane[first:last] - complex(x, y)).argmin())) * self._spacing
 
@@ -66,11 +68,11 @@ class Path:
         return min(max(round(arc_length / self._spacing), 0), len(self._frames) - 1)
 
 
-def passing_side(positions: np.ndarray, point: tuple[float, float]) -> str:
-    """The side, "left" or "right", on which a curve (n, 2) passes ``point``.
+def passing_side(positions: NDArray[np.float64], point: tuple[float, float]) -> str:
+    """The side, "left" or "right", on which a curve (n, D), with x and y first, passes ``point`` (x, y).
 
-    It is "left" if, seen from ``point``, the curve sweeps clockwise: someone who walks it has the point
-    to the right hand. Whole detours count with their sign, so a loop that comes back does not matter.
+    It is "left" if, seen from ``point``, the curve sweeps clockwise, so that the point lies to the right of
+    the direction of motion. Whole turns count with their sign: a loop that returns does not matter.
     """
     bearing = np.arctan2(positions[:, 1] - point[1], positions[:, 0] - point[0])
     swept = np.unwrap(bearing)

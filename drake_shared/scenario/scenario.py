@@ -3,18 +3,21 @@
 import dataclasses
 import functools
 import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drake_shared.common.errors import InputError
-from drake_shared.robots.diff_drive import DiffDrive
+from drake_shared.robots import DiffDrive, scaled_length
 from drake_shared.scenario.obstacles import Box, Circle, ObstacleDistance
+from drake_shared.scenario.paths import SPACING
 from drake_shared.scenario.paths import Path as RoutePath
 
-# yaml_load_typed builds every object from its defaults: what must be given starts as a number that the
+# yaml_load_typed builds every object from its defaults. A field that must be given starts as NaN, which the
 # check for finite numbers refuses.
 MUST_BE_GIVEN = math.nan
-# A trial of more control steps is a slip of the pen, and would fill the memory with its log.
+# More control steps are a mistake, and their log would fill the memory.
 MOST_STEPS = 1_000_000
 
 PLANTS = ("kinematic", "dynamic")
@@ -31,16 +34,30 @@ class Start:
 
 @dataclasses.dataclass(kw_only=True)
 class Goal:
-    """Where the robot is to come, in [m], world frame; it is there within ``radius``."""
+    """Position to reach, in [m], world frame; it is reached within ``radius``."""
 
     x: float = MUST_BE_GIVEN
     y: float = MUST_BE_GIVEN
+    z: float = 0.0
+    """For robots whose position has a z."""
     radius: float = 0.2
+
+    def position(self, names: Sequence[str]) -> tuple[float, ...]:
+        """The coordinates of the goal that a robot's ``position_names`` name, in [m].
+
+        Raises:
+            InputError: A name is not x, y or z.
+        """
+        known = {"x": self.x, "y": self.y, "z": self.z}
+        unknown = [name for name in names if name not in known]
+        if unknown:
+            raise InputError("robot", "position_names", "must be among x, y and z", ", ".join(unknown))
+        return tuple(known[name] for name in names)
 
 
 @dataclasses.dataclass(kw_only=True)
 class Workspace:
-    """The rectangle in which everything happens, in [m], world frame."""
+    """Rectangle that contains the task, in [m], world frame."""
 
     x_min: float = MUST_BE_GIVEN
     x_max: float = MUST_BE_GIVEN
@@ -48,34 +65,39 @@ class Workspace:
     y_max: float = MUST_BE_GIVEN
 
     def contains(self, x: float, y: float) -> bool:
-        """Whether the point lies inside, the border included."""
+        """Whether the point lies inside or on the border."""
         return self.x_min <= x <= self.x_max and self.y_min <= y <= self.y_max
 
 
 @dataclasses.dataclass(kw_only=True)
 class Route:
-    """A way from start to goal that an operator may have in mind."""
+    """An instructed path from start to goal."""
 
     name: str = ""
     waypoints: list[list[float]] = dataclasses.field(default_factory=list)
     """Points (x, y) in [m] that a smooth curve joins, from start to goal."""
     sides: dict[str, str] = dataclasses.field(default_factory=dict)
-    """For the name of each obstacle that stands, "left" or "right": the side on which the robot passes it."""
+    """For the name of each static obstacle, "left" or "right": the side on which the robot passes it."""
 
-    def path(self, start: Start) -> RoutePath:
-        """The curve through the waypoints, leaving in the direction in which the robot stands."""
-        return _curve(tuple(map(tuple, self.waypoints)), start.yaw)
+    def path(self, start: Start, *, spacing: float = SPACING) -> RoutePath:
+        """The curve through the waypoints, which leaves in the robot's direction at the start.
+
+        Args:
+            start: Of the scenario.
+            spacing: Distance between the points that represent the curve, in [m]; see `Scenario.path_of`.
+        """
+        return _curve(tuple(map(tuple, self.waypoints)), start.yaw, spacing)
 
 
 @functools.lru_cache(maxsize=64)
-def _curve(waypoints: tuple[tuple[float, ...], ...], heading: float) -> RoutePath:
-    """Made once: every trial asks for it, and it never changes."""
-    return RoutePath(np.array(waypoints, dtype=float), heading=heading)
+def _curve(waypoints: tuple[tuple[float, ...], ...], heading: float, spacing: float) -> RoutePath:
+    """Cached: every trial needs the curve, and it never changes."""
+    return RoutePath(np.array(waypoints, dtype=float), heading=heading, spacing=spacing)
 
 
 @dataclasses.dataclass(kw_only=True)
 class Scenario:
-    """A task: see models/scenarios for examples. Lengths in [m], angles in [rad], times in [s]."""
+    """A task; see models/scenarios for examples. Lengths in [m], angles in [rad], times in [s]."""
 
     name: str = ""
     start: Start = dataclasses.field(default_factory=Start)
@@ -88,7 +110,7 @@ class Scenario:
     """Time after which a trial is over."""
     control_period: float = 0.05
     travel_time: float = 11.0
-    """Time in which an unhurried operator comes from start to goal."""
+    """Time in which an unhurried operator drives from start to goal."""
     plant: str = "kinematic"
     """"kinematic": wheels that never slip; "dynamic": mass, friction and motors."""
 
@@ -102,11 +124,15 @@ class Scenario:
         """Number of control steps in a trial."""
         return round(self.duration / self.control_period)
 
+    def path_of(self, route: Route) -> RoutePath:
+        """The curve of ``route``, with points as close as suits the size of the robot."""
+        return route.path(self.start, spacing=scaled_length(self.robot, SPACING))
+
     def route(self, name: str) -> Route:
         """The route of that name.
 
         Raises:
-            InputError: There is none.
+            InputError: No route has that name.
         """
         for route in self.routes:
             if route.name == name:
@@ -115,16 +141,16 @@ class Scenario:
         raise InputError(f"scenario {self.name}", "routes", f"has no route {name!r}; there are: {names}")
 
 
-def clearance_scorer(scenario: Scenario):
-    """A function of positions (n, 2) in [m]: the least clearance of the robot's body along them, in [m].
+def clearance_scorer(scenario: Scenario) -> Callable[[NDArray[np.float64]], float]:
+    """A function of positions (n, D), in [m]: the least clearance of the robot's body along them, in [m].
 
-    Clearance is the distance from the robot's centre to the nearest obstacle, from SceneGraph, less the
-    footprint's radius. Obstacles that move are left out: a position alone does not say when.
+    Clearance is the distance from the robot's centre to the nearest static obstacle, from SceneGraph, less
+    the footprint's radius. Moving obstacles do not count: positions without times cannot be compared to them.
     """
     distance = ObstacleDistance(scenario.static_obstacles)
     footprint = scenario.robot.footprint_radius
 
-    def clearance(positions: np.ndarray) -> float:
+    def clearance(positions: NDArray[np.float64]) -> float:
         return float(np.min(distance(positions))) - footprint
 
     return clearance

@@ -247,7 +247,7 @@ class RunningTrial:
                 "trial", "mode", f"must be shared where {name!r} divides the control", settings.mode
             )
         if learner is not None:
-            parts.estimator.set_learner(
+            parts.estimator.SetLearner(
                 parts.estimator.GetMyMutableContextFromRoot(root),
                 learner,
                 confidence_gain=settings.confidence_gain,
@@ -258,9 +258,9 @@ class RunningTrial:
         if isinstance(parts.operator, SurrogateOperator):
             route = self._route or scenario.routes[0]
             then = None if settings.then is None else scenario.route(settings.then)
-            parts.operator.set_behaviour(own, route=route, then=then, behaviour=settings.behaviour)
+            parts.operator.SetBehaviour(own, route=route, then=then, behaviour=settings.behaviour)
         elif isinstance(parts.operator, RecordedInput) and settings.recording is not None:
-            parts.operator.set_recording(own, settings.recording)
+            parts.operator.SetRecording(own, settings.recording)
         self.simulator = Simulator(simulation.diagram, root)
         self.root = root
         self._log = parts.log_sink.FindLog(root)

@@ -1,20 +1,24 @@
-"""The robot: wheels that ramp, exact arcs, and obstacles that stop it."""
+"""Kinematic differential-drive robot: ramping wheels, exact arcs, and obstacles that stop it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydrake.common.value import Value
-from pydrake.geometry import FrameId, FramePoseVector, QueryObject, SceneGraph, SourceId
-from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.geometry import FrameId, FramePoseVector, GeometryId, QueryObject, SceneGraph, SourceId
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, OutputPort
 
-from drake_shared.robots import DiffDrive
+from drake_shared.robots import DiffDrive, check_robot
 from drake_shared.robots.illustration import register_robot
 from drake_shared.robots.motion import Pose, motion, speeds_after
+from drake_shared.robots.pose import pose_to_transform
 from drake_shared.scenario import Start
 from drake_shared.scenario.obstacles import least_distance
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
 
 # How far short of an obstacle the body stops, in [m]: rounding never carries it inside.
 _MARGIN = 1e-6
@@ -36,31 +40,40 @@ class DiffDrivePlant(LeafSystem):
         - contact
         - clearance
 
+    It fulfils the contract of `drake_shared.systems.plant`.
+
     Inputs:
-        wheel_command (2): [left, right] in [rad/s]. What the wheels cannot do is cut off, wheel by wheel;
-            what is no number counts as zero.
-        geometry_query: QueryObject of a SceneGraph with the obstacles. Without it there are none.
+        wheel_command (2): [left, right] in [rad/s]. Each wheel is limited to its largest speed; NaN and
+            infinite values count as zero.
+        geometry_query: QueryObject of a SceneGraph with the obstacles; without it there are no obstacles.
 
     Outputs:
         pose (3): [x, y, yaw] in [m, m, rad], world frame. State.
         wheel_speed (2): [left, right] in [rad/s]. State.
         geometry_pose: FramePoseVector of the robot's frame; depends on the state alone.
         contact (1): 1 if the body touched an obstacle in the step that led here, else 0. State.
-        clearance (1): Distance of the circular body to the nearest obstacle, in [m]; infinite if there
-            is none. Never depends on ``wheel_command``.
+        clearance (1): Distance of the circular body to the nearest obstacle, in [m]; infinite without
+            obstacles. Independent of ``wheel_command``.
 
-    The state is discrete and moves once a period. Each wheel changes its speed no faster than it may and
-    then holds it; the path of the step is integrated exactly. Where it meets an obstacle, translation ends
-    against it and the yaw goes on; the forward speed is lost, so the robot can turn and back away.
+    The state is discrete and is updated once a period. Each wheel changes its speed no faster than its
+    largest acceleration and then holds it; the path of the step is integrated exactly. Where it meets an
+    obstacle, translation ends there and the yaw continues; the forward speed is lost, so that the robot can
+    turn and back away.
 
     Args:
         robot: Sizes and limits.
         start: Pose at the start; the default of the state.
         period: Of the update, in [s].
-        scene_graph: If given, the robot's looks are registered there, and ``geometry_pose`` places them.
-        obstacles_move: Whether some may come upon the robot. In a step they stand where they are at its
-            beginning; one that has come to overlap the body at its end counts as contact of that step. It
-            passes through: the robot is not pushed, but cannot drive any further in.
+        scene_graph: If given, the robot's illustration geometry is registered there, and ``geometry_pose``
+            places it.
+        obstacles_move: Whether obstacles may come upon the robot. During a step they stay where they are at
+            its beginning; one that overlaps the body at its end counts as contact of that step. It passes
+            through: the robot is not pushed, but cannot drive any further in.
+        geometry_ids: Geometries that are obstacles. If None, all geometries with a proximity role are: a
+            floor with that role would then leave no clearance anywhere.
+
+    Raises:
+        InputError: An argument is out of range, or the robot's SDF file cannot be used.
     """
 
     def __init__(
@@ -71,13 +84,15 @@ class DiffDrivePlant(LeafSystem):
         period: float = 0.05,
         scene_graph: SceneGraph | None = None,
         obstacles_move: bool = False,
+        geometry_ids: Collection[GeometryId] | None = None,
     ) -> None:
         super().__init__()
-        if not (math.isfinite(period) and period > 0):
-            raise ValueError(f"period must be positive and finite, got {period}")
+        self.set_name("diff_drive_plant")
+        check_robot(robot)
         start = start or Start()
         self._robot = robot
         self._period = period
+        self._geometry_ids = None if geometry_ids is None else frozenset(geometry_ids)
         self._source: SourceId | None = None
         self._frame: FrameId | None = None
         if scene_graph is not None:
@@ -89,26 +104,54 @@ class DiffDrivePlant(LeafSystem):
         self._wheels_index = self.DeclareDiscreteState(2)
         self._contact_index = self.DeclareDiscreteState(1)
         pose_ticket = self.discrete_state_ticket(self._pose_index)
-        self.DeclareStateOutputPort("pose", self._pose_index)
-        self.DeclareStateOutputPort("wheel_speed", self._wheels_index)
-        self.DeclareAbstractOutputPort(
+        self._pose_port = self.DeclareStateOutputPort("pose", self._pose_index)
+        self._speed_port = self.DeclareStateOutputPort("wheel_speed", self._wheels_index)
+        self._geometry_pose_port = self.DeclareAbstractOutputPort(
             "geometry_pose", lambda: Value(FramePoseVector()), self._calc_geometry_pose, {pose_ticket}
         )
         query_ticket = self.input_port_ticket(self._query_port.get_index())
         if obstacles_move:
             contact_ticket = self.discrete_state_ticket(self._contact_index)
-            self.DeclareVectorOutputPort(
+            self._contact_port = self.DeclareVectorOutputPort(
                 "contact", 1, self._calc_contact, {pose_ticket, contact_ticket, query_ticket}
             )
         else:
-            self.DeclareStateOutputPort("contact", self._contact_index)
+            self._contact_port = self.DeclareStateOutputPort("contact", self._contact_index)
         self._clearance_port = self.DeclareVectorOutputPort(
             "clearance",
             1,
             self._calc_clearance,
             {pose_ticket, query_ticket},
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        DeclareDiscreteUpdate(self, period=period, update=self._update)
+
+    def get_wheel_command_input_port(self) -> InputPort:
+        """The port ``wheel_command``."""
+        return self._command_port
+
+    def get_geometry_query_input_port(self) -> InputPort:
+        """The port ``geometry_query``."""
+        return self._query_port
+
+    def get_pose_output_port(self) -> OutputPort:
+        """The port ``pose``."""
+        return self._pose_port
+
+    def get_wheel_speed_output_port(self) -> OutputPort:
+        """The port ``wheel_speed``."""
+        return self._speed_port
+
+    def get_geometry_pose_output_port(self) -> OutputPort:
+        """The port ``geometry_pose``."""
+        return self._geometry_pose_port
+
+    def get_contact_output_port(self) -> OutputPort:
+        """The port ``contact``."""
+        return self._contact_port
+
+    def get_clearance_output_port(self) -> OutputPort:
+        """The port ``clearance``."""
+        return self._clearance_port
 
     def source_id(self) -> SourceId | None:
         """The robot's source in the SceneGraph, if it is registered in one."""
@@ -118,17 +161,22 @@ class DiffDrivePlant(LeafSystem):
         """The robot's frame in the SceneGraph, if it is registered in one."""
         return self._frame
 
-    def set_pose(self, context: Context, pose: np.ndarray) -> None:
-        """Puts the robot at ``pose`` (3), [x, y, yaw] in [m, m, rad], at rest."""
+    def SetPose(self, context: Context, pose: ArrayLike) -> None:
+        """Puts the robot of ``context`` at ``pose`` (3), [x, y, yaw] in [m, m, rad], at rest."""
         context.SetDiscreteState(self._pose_index, np.asarray(pose, dtype=float))
         context.SetDiscreteState(self._wheels_index, np.zeros(2))
         context.SetDiscreteState(self._contact_index, np.zeros(1))
 
-    def _calc_geometry_pose(self, context: Context, output) -> None:
+    def set_pose(self, context: Context, pose: ArrayLike) -> None:
+        """Former name of `SetPose`."""
+        self.SetPose(context, pose)
+
+    def _calc_geometry_pose(self, context: Context, output: Any) -> None:
         poses = FramePoseVector()
         if self._frame is not None:
-            x, y, yaw = context.get_discrete_state(self._pose_index).value()
-            poses.set_value(self._frame, RigidTransform(RollPitchYaw(0, 0, yaw), [x, y, 0]))
+            poses.set_value(
+                self._frame, pose_to_transform(context.get_discrete_state(self._pose_index).value())
+            )
         output.set_value(poses)
 
     def _calc_clearance(self, context: Context, output: BasicVector) -> None:
@@ -143,7 +191,9 @@ class DiffDrivePlant(LeafSystem):
         return self._query_port.Eval(context) if self._query_port.HasValue(context) else None
 
     def _gap(self, query: QueryObject | None, x: float, y: float) -> float:
-        return math.inf if query is None else least_distance(query, x, y) - self._robot.footprint_radius
+        if query is None:
+            return math.inf
+        return least_distance(query, x, y, geometry_ids=self._geometry_ids) - self._robot.footprint_radius
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         x, y, yaw = context.get_discrete_state(self._pose_index).value().tolist()
@@ -166,27 +216,29 @@ class DiffDrivePlant(LeafSystem):
         state.set_value(self._contact_index, [float(contact)])
 
     def _possible(self, command: float) -> float:
-        """What a wheel can do of a command, in [rad/s]."""
+        """The part of a command that a wheel can follow, in [rad/s]."""
         if not math.isfinite(command):
             return 0.0
         fastest = self._robot.max_wheel_speed
         return min(max(command, -fastest), fastest)
 
-    def _drive_until_contact(self, query, start: Pose, path: list[Pose]) -> tuple[float, float, float, bool]:
+    def _drive_until_contact(
+        self, query: Any, start: Pose, path: Sequence[Pose]
+    ) -> tuple[float, float, float, bool]:
         x, y, yaw = start
         next_x, next_y = x, y
         contact = False
-        for piece_x, piece_y, yaw in path:  # noqa: B007 (yaw goes on when translation has ended)
+        for piece_x, piece_y, yaw in path:  # noqa: B007 (the yaw continues after contact)
             if not contact:
-                # Each piece is walked along its chord, from where the robot really is.
+                # Each piece is a chord from where the robot really is.
                 next_x, next_y = piece_x, piece_y
                 x, y, contact = self._walk(query, x, y, next_x, next_y)
         if not contact and self._gap(query, x, y) <= 2 * _MARGIN:
             contact = True  # At rest against an obstacle.
         return x, y, yaw, contact
 
-    def _walk(self, query, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float, bool]:
-        """Goes straight to a point, or as far as the obstacles allow.
+    def _walk(self, query: Any, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float, bool]:
+        """Moves straight to a point, or as far as the obstacles allow.
 
         The gap to a convex obstacle is convex along a line: a step of Newton's method on it from outside
         never oversteps the contact.
@@ -202,6 +254,8 @@ class DiffDrivePlant(LeafSystem):
             for found in query.ComputeSignedDistanceToPoint(
                 at, self._robot.footprint_radius + length - gone + _MARGIN
             ):
+                if self._geometry_ids is not None and found.id_G not in self._geometry_ids:
+                    continue
                 slope = found.grad_W[0] * along_x + found.grad_W[1] * along_y
                 if slope < 0.0:
                     gap = found.distance - self._robot.footprint_radius - _MARGIN

@@ -1,95 +1,56 @@
-"""Where the person is heading, and how sure that is: a learner conditioned at every step."""
+"""Conditions a learner on the robot's position at every step, and computes the confidence."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from bisect import bisect_right
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, OutputPort
 
-from drake_shared.demonstrations import ProgressClock
 from drake_shared.learners import Learner, confidence
-from drake_shared.learners.modes import Modes
-from drake_shared.robots import DiffDrive
+from drake_shared.robots import DiffDrive, Robot, check_robot, scaled_length
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate, check_positive
+from drake_shared.systems.intention import Intention, empty_intention
+from drake_shared.systems.prepared_learner import MOMENTS, PreparedLearner
 
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Intention:
-    """The trajectory that the person is expected to follow.
-
-    Attributes:
-        time: Now, by the clock of ``times``, in [s].
-        times: Shape (N,), of the grid, in [s]; the same array at every step.
-        mean: Shape (N, 2), expected positions, in [m], world frame; NaN at or before ``time``. Of the way
-            that the driver is on, if the learner tells several apart.
-        variance: Shape (N, 2), in [m^2], within and between ways; NaN at or before ``time``.
-        first: Index of the first entry that is later than ``time`` (the last one at the end).
-        modes: The ways that are possible, from entry ``first`` on, if the learner tells several apart.
-    """
-
-    time: float
-    times: np.ndarray
-    mean: np.ndarray
-    variance: np.ndarray
-    first: int
-    modes: Modes | None = None
-
-    def position(self, time: float) -> tuple[float, float]:
-        """Expected position at ``time`` later than now, in [m]; interpolated, held at both ends."""
-        times = self.times
-        after = min(max(int(times.searchsorted(time)), self.first), len(times) - 1)
-        x, y = self.mean[after].tolist()
-        if after == self.first or times[after] <= time:
-            return x, y
-        share = (times[after] - time) / (times[after] - times[after - 1])
-        before_x, before_y = self.mean[after - 1].tolist()
-        return x + share * (before_x - x), y + share * (before_y - y)
-
-
-# At so many moments of the task, evenly spread, it is noted where the robot is expected.
-_MOMENTS = 8
-# A command that leads less far than this, in [m], points nowhere.
-_POINTING = 0.05
-
-EMPTY_INTENTION = Intention(
-    time=0.0, times=np.zeros(1), mean=np.full((1, 2), math.nan), variance=np.full((1, 2), math.inf), first=0
-)
+# A command that leads less far than this, in [m] for the Pioneer P3-DX, points nowhere.
+_LEAST_DISTANCE = 0.05
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class _Estimate(Intention):
-    """An intention with what the other outputs and the state are made of.
+    """An intention with the values of the other outputs and of the state.
 
-    A value of its own in the cache would cost one more call from C++ to Python and back in every step.
+    A cache entry of its own would cost one more call from C++ to Python and back in every step.
     """
 
     confidence: float
     mean_variance: float
-    expected: np.ndarray
+    expected: NDArray[np.float64]
     by_command: float
 
 
-def _lost(now: float, grid: np.ndarray, first: int) -> _Estimate:
-    """What is expected of a robot of which it is not known where it is."""
+def _unknown(now: float, grid: NDArray[np.float64], first: int, size: int) -> _Estimate:
+    """The estimate for a pose that is not finite."""
     return _Estimate(
         time=now,
         times=grid,
-        mean=np.full((len(grid), 2), math.nan),
-        variance=np.full((len(grid), 2), math.inf),
+        mean=np.full((len(grid), size), math.nan),
+        variance=np.full((len(grid), size), math.inf),
         first=first,
         confidence=0.0,
         mean_variance=math.inf,
-        expected=np.full(2 * _MOMENTS, math.nan),
+        expected=np.full(size * MOMENTS, math.nan),
         by_command=0.0,
     )
 
 
 class IntentionEstimator(LeafSystem):
-    """Conditions a learner on where the robot is, and says how sure the outcome is.
+    """Predicts the trajectory that the person is heading along, and the confidence of the prediction.
 
     .. pydrake_system::
 
@@ -104,57 +65,68 @@ class IntentionEstimator(LeafSystem):
         - influence
 
     Inputs:
-        pose (3): [x, y, yaw] in [m, m, rad], world frame. Where it is no number nothing is expected, and c_f
-            is 0.
-        human_command (2): Wheel speeds [left, right] in [rad/s]; may be left open. Evidence for learners
-            whose evidence is "pose+command", and not looked at for others.
+        pose: Configuration of the robot, such as [x, y, yaw] in [m, m, rad], world frame. Where an element is
+            NaN or infinite, the intention is NaN and c_f is 0. The estimator cannot see the age of a pose: a
+            localisation that may freeze must send NaN once its pose is too old.
+        human_command (M): Command of the human, in the robot's units; may be left open. An observation for
+            learners whose metadata have "evidence": "pose+command", ignored for others.
 
     Outputs:
-        intention: :class:`Intention`. Feeds through.
-        confidence (1): c_f of eq. (1) of Amirshirzad et al. 2022, in [0, 1]; NaN where the learner says NaN.
-        mean_variance (1): Mean variance of the steps to come, over x and y, in [m^2].
+        intention: :class:`~drake_shared.systems.intention.Intention`. Direct feedthrough.
+        confidence (1): c_f of eq. (1) of Amirshirzad et al. 2022, in [0, 1]; NaN where the variance is.
+        mean_variance (1): Mean variance of the steps to come, over the D coordinates, in [m^2].
         influence (2): How far the pose and how far the human's command moved the expected path in this step:
-            root mean square over what is to come, in [m].
+            root mean square over the steps to come, in [m].
 
     Parameters (of the Context, so that trials may differ in them):
-        learner: See :meth:`set_learner`.
+        learner: See :meth:`SetLearner`.
         confidence_gain: K of eq. (1), in [1/m^2].
 
     State:
-        progress (1): The time of the demonstrated point that was reached, in [s]; for learners whose clock
-            is "progress". It is updated once a period.
-        expected (16): Where the pose alone made the robot expected at 8 moments of the task, in [m].
+        progress (1): Time of the demonstrated point that was reached, in [s]; for learners whose metadata
+            have "clock": "progress". Updated once a period.
+        expected (8 D): Positions expected from the pose alone at 8 moments of the task, in [m].
 
-    All outputs come from one estimate, made when the first is asked for and kept until an input, a parameter
-    or time changes.
+    All outputs come from one cached estimate, computed once for each change of an input, a parameter or time.
 
-    Once the agent holds the control, the human's command cannot change the pose, and from the pose alone the
-    estimate would never learn of it (compare Aronson and Short, arXiv 2408.12103). So where the command
-    points is a second observation: the place to which it leads in ``reach`` s, at the time of the nearest
-    demonstrated point. It moves the mean; the variance is the largest of those with and without it and of the
-    squared distance between both means. To point along one of several ways that are still open thus makes
-    the agent go along, but does not take control from the human; to point elsewhere gives it back.
+    Once the agent has the control, the human's command cannot change the pose, and an estimate from the pose
+    alone would never notice it (compare Aronson and Short, arXiv 2408.12103). The position to which the
+    command leads in ``reach`` s is therefore a second observation, at the time of the nearest demonstrated
+    point. It moves the mean; the variance is the largest of those with and without it and of the squared
+    distance between both means. A command along one of several modes thus selects that mode without taking
+    control from the human; a command elsewhere gives the control back.
 
     Args:
-        learner: Any object with the learners' ``predict``; see :class:`drake_shared.learners.Learner`. Its
-            ``predict_modes`` or ``predict_prefixes`` is asked instead if it has one.
-        robot: For where a command leads.
-        period: Of the control step, in [s].
-        reach: How far ahead a command points, in [s].
+        learner: See :class:`drake_shared.learners.Learner`.
+        robot: Gives the sizes of the inputs, and where a command leads.
+        period: Control step, in [s].
+        reach: Time ahead at which a command is an observation, in [s].
+
+    Raises:
+        InputError: An argument is out of range, or learner and robot differ in the size of positions.
+
+    While it runs, a prediction of another shape or with a variance that is not positive, and an exception in
+    the learner, raise a RunError that names the learner and the time.
     """
 
     def __init__(
-        self, *, learner: Learner, robot: DiffDrive | None = None, period: float = 0.05, reach: float = 0.8
+        self, *, learner: Learner, robot: Robot | None = None, period: float = 0.05, reach: float = 0.8
     ) -> None:
         super().__init__()
-        self._robot = robot or DiffDrive()
+        self.set_name("intention_estimator")
+        robot = DiffDrive() if robot is None else robot
+        check_robot(robot)
+        check_positive(self, reach=reach)
+        self._robot = robot
         self._reach = reach
-        self._pose_port = self.DeclareVectorInputPort("pose", 3)
-        self._human_port = self.DeclareVectorInputPort("human_command", 2)
-        self._learner_index = self.DeclareAbstractParameter(Value(_Prepared(learner)))
+        self._least_distance = scaled_length(robot, _LEAST_DISTANCE)
+        self._size = len(robot.position_names)
+        self._pose_port = self.DeclareVectorInputPort("pose", len(robot.configuration_names))
+        self._human_port = self.DeclareVectorInputPort("human_command", len(robot.command_names))
+        self._learner_index = self.DeclareAbstractParameter(Value(PreparedLearner(learner, robot)))
         self._gain_index = self.DeclareNumericParameter(BasicVector([learner.confidence_gain]))
         self._progress_index = self.DeclareDiscreteState(1)
-        self._expected_index = self.DeclareDiscreteState(np.full(2 * _MOMENTS, math.nan))
+        self._expected_index = self.DeclareDiscreteState(np.full(self._size * MOMENTS, math.nan))
         prerequisites = {
             self.time_ticket(),
             self.xd_ticket(),
@@ -163,14 +135,32 @@ class IntentionEstimator(LeafSystem):
             self.input_port_ticket(self._human_port.get_index()),
         }
         self._intention_port = self.DeclareAbstractOutputPort(
-            "intention", lambda: Value(EMPTY_INTENTION), self._calc_estimate, prerequisites
+            "intention", lambda: Value(empty_intention(self._size)), self._calc_estimate, prerequisites
         )
-        self.DeclareVectorOutputPort("confidence", 1, self._calc_confidence, prerequisites)
+        self._confidence_port = self.DeclareVectorOutputPort(
+            "confidence", 1, self._calc_confidence, prerequisites
+        )
         self.DeclareVectorOutputPort("mean_variance", 1, self._calc_mean_variance, prerequisites)
         self.DeclareVectorOutputPort("influence", 2, self._calc_influence, prerequisites)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        DeclareDiscreteUpdate(self, period=period, update=self._update)
 
-    def set_learner(
+    def get_pose_input_port(self) -> InputPort:
+        """The port ``pose``."""
+        return self._pose_port
+
+    def get_human_command_input_port(self) -> InputPort:
+        """The port ``human_command``."""
+        return self._human_port
+
+    def get_intention_output_port(self) -> OutputPort:
+        """The port ``intention``."""
+        return self._intention_port
+
+    def get_confidence_output_port(self) -> OutputPort:
+        """The port ``confidence``."""
+        return self._confidence_port
+
+    def SetLearner(
         self,
         context: Context,
         learner: Learner,
@@ -178,56 +168,62 @@ class IntentionEstimator(LeafSystem):
         confidence_gain: float | None = None,
         use_human_command: bool = True,
     ) -> None:
-        """Makes ``learner`` the one of this Context.
+        """Sets the learner of ``context``.
 
         Args:
             context: Of this system.
-            learner: Any object with the learners' ``predict``.
+            learner: See :class:`drake_shared.learners.Learner`.
             confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
-            use_human_command: Whether the human's command may be evidence, for learners that take it.
+            use_human_command: Whether the human's command may be an observation.
+
+        Raises:
+            InputError: Learner and robot differ in the size of positions.
         """
-        prepared = _Prepared(learner, use_human_command=use_human_command)
+        prepared = PreparedLearner(learner, self._robot, use_human_command=use_human_command)
         context.get_mutable_abstract_parameter(self._learner_index).set_value(prepared)
         gain = learner.confidence_gain if confidence_gain is None else confidence_gain
         context.get_mutable_numeric_parameter(self._gain_index)[0] = gain
 
-    def _calc_estimate(self, context: Any, output: Value) -> None:
-        prepared: _Prepared = context.get_abstract_parameter(self._learner_index).get_value()
+    set_learner = SetLearner
+
+    def _calc_estimate(self, context: Any, output: Any) -> None:
+        prepared: PreparedLearner = context.get_abstract_parameter(self._learner_index).get_value()
         gain = context.get_numeric_parameter(self._gain_index)[0]
-        x, y, yaw = self._pose_port.Eval(context).tolist()
+        pose = self._pose_port.Eval(context).tolist()
+        position = self._robot.position(pose)
         if prepared.clock is None:
             now = min(context.get_time(), prepared.duration)
         else:
             reached = context.get_discrete_state(self._progress_index)[0]
-            now = prepared.clock.advance(reached, x, y)
+            now = prepared.clock.advance(reached, *position)
         first = prepared.first_after(now)
         later = prepared.later[first]
-        if not math.isfinite(x + y + yaw):
-            # To go on from the last pose would be to guess, with the robot on its way: the human drives.
-            output.set_value(_lost(now, prepared.grid, first))
+        if not math.isfinite(sum(pose)):
+            # The robot may be moving: to continue from the last pose would be a guess. The human drives.
+            output.set_value(_unknown(now, prepared.grid, first, self._size))
             return
-        times, positions = [now], [(x, y)]
-        pointed = self._pointed(context, x, y, yaw) if prepared.uses_command else None
+        times, positions = [now], [position]
+        pointed = self._pointed(context, pose) if prepared.uses_command else None
         if pointed is not None:
             times.append(
                 now + self._reach if prepared.clock is None else prepared.clock.advance(now, *pointed)
             )
             positions.append(pointed)
-        answers, modes = prepared.predict(times, positions, later)
-        mean, variance = answers[0]
+        predictions, modes = prepared.predict(times, positions, later, now=context.get_time())
+        mean, variance = predictions[0]
         whole_mean = prepared.padded(mean)
         expected = whole_mean.take(prepared.moments)
         by_command = 0.0
         if pointed is not None:
-            told, told_variance = answers[1]
-            moved = (told - mean) ** 2
-            whole_mean = prepared.padded(told)
-            variance = np.maximum(np.maximum(variance, told_variance), moved)
-            by_command = math.sqrt(2.0 * float(moved.sum()) / moved.size)
-        # All queries are later than now: this is the mean of eq. (1), without looking for where to begin.
+            mean_with, variance_with = predictions[1]
+            moved = (mean_with - mean) ** 2
+            whole_mean = prepared.padded(mean_with)
+            variance = np.maximum(np.maximum(variance, variance_with), moved)
+            by_command = math.sqrt(self._size * float(moved.sum()) / moved.size)
+        # Every query is later than now: this is the mean of eq. (1).
         spread = float(variance.sum()) / variance.size
         if modes is not None:
-            # The agent helps on the way that the driver is on, not on the mean between two.
+            # The agent helps along the mode that the driver follows, not along the mean between two.
             whole_mean = prepared.padded(modes.mean[modes.aim])
         output.set_value(
             _Estimate(
@@ -244,16 +240,16 @@ class IntentionEstimator(LeafSystem):
             )
         )
 
-    def _pointed(self, context: Context, x: float, y: float, yaw: float) -> tuple[float, float] | None:
-        """Where the human's command leads in ``reach`` s, in [m]; None if there is none."""
+    def _pointed(self, context: Context, pose: list[float]) -> tuple[float, ...] | None:
+        """Position to which the human's command leads in ``reach`` s, in [m]; None if it hardly moves."""
         if not self._human_port.HasValue(context):
             return None
-        speed, yaw_rate = self._robot.twist(*self._human_port.Eval(context).tolist())
-        if not math.isfinite(speed + yaw_rate) or abs(speed) * self._reach < _POINTING:
+        command = self._human_port.Eval(context).tolist()
+        if not math.isfinite(sum(command)):
             return None
-        half = 0.5 * yaw_rate * self._reach
-        chord = speed * self._reach * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
-        return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half)
+        if self._robot.speed(command) * self._reach < self._least_distance:
+            return None
+        return self._robot.rollout(pose, command, self._reach)
 
     def _calc_confidence(self, context: Context, output: BasicVector) -> None:
         output[0] = self._intention_port.Eval(context).confidence
@@ -266,63 +262,10 @@ class IntentionEstimator(LeafSystem):
         before = context.get_discrete_state(self._expected_index).value()
         moved = (estimate.expected - before).tolist()
         known = [offset * offset for offset in moved if math.isfinite(offset)]
-        output[0] = math.sqrt(2.0 * sum(known) / len(known)) if known else 0.0
+        output[0] = math.sqrt(self._size * sum(known) / len(known)) if known else 0.0
         output[1] = estimate.by_command
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         estimate = self._intention_port.Eval(context)
         state.set_value(self._progress_index, [estimate.time])
         state.set_value(self._expected_index, estimate.expected)
-
-
-class _Prepared:
-    """A learner, with what depends on it alone."""
-
-    def __init__(self, learner: Learner, *, use_human_command: bool = True) -> None:
-        self.learner = learner
-        self.grid = np.asarray(learner.grid)
-        self.duration = float(self.grid[-1])
-        self._times = self.grid.tolist()
-        # Queries still to come, from each index on: views made once, so that a step makes none.
-        self.later = [self.grid[first:] for first in range(len(self.grid))]
-        self.clock = None
-        if learner.metadata.get("clock") == "progress" and learner.demonstrations is not None:
-            self.clock = ProgressClock(self.grid, learner.demonstrations)
-
-        self._predict_modes = getattr(learner, "predict_modes", None)
-        self._predict_prefixes = getattr(learner, "predict_prefixes", None)
-        self.uses_command = use_human_command and learner.metadata.get("evidence") == "pose+command"
-        moments = np.linspace(0, len(self.grid) - 1, _MOMENTS + 1).round().astype(int)[1:]
-        # Where x and y of the moments are in the numbers of a whole grid.
-        self.moments = (2 * moments[:, None] + [0, 1]).ravel()
-        self._unknown = np.full((len(self.grid), 2), math.nan)
-
-    def predict(
-        self, times: list[float], positions: list[tuple[float, float]], later: np.ndarray
-    ) -> tuple[list[tuple[np.ndarray, np.ndarray]], Modes | None]:
-        """Mean and variance after the first observation, the first two, and so on.
-
-        And the modes after all of them, if the learner tells them.
-        """
-        seen_times, seen = np.array(times), np.array(positions)
-        if self._predict_modes is not None:
-            told = [self._predict_modes(seen_times[:n], seen[:n], later) for n in range(1, len(times) + 1)]
-            return [(mean, variance) for mean, variance, _ in told], told[-1][2]
-        if self._predict_prefixes is not None:
-            return self._predict_prefixes(seen_times, seen, later), None
-        predict = self.learner.predict
-        return [predict(seen_times[:n], seen[:n], later) for n in range(1, len(times) + 1)], None
-
-    def first_after(self, now: float) -> int:
-        """Index of the first query later than ``now``; the last one if there is none."""
-        return min(bisect_right(self._times, now + 1e-9), len(self._times) - 1)
-
-    def padded(self, later: np.ndarray) -> np.ndarray:
-        """The last rows of a whole grid, NaN before them."""
-        whole = self._unknown.copy()
-        whole[len(whole) - len(later) :] = later
-        return whole
-
-    def __deepcopy__(self, memo: dict) -> _Prepared:
-        # Contexts are cloned with their parameters; a learner is never changed, so one serves all.
-        return self

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, State
 
-from drake_shared.systems.intention_estimator import EMPTY_INTENTION, Intention
+from drake_shared.systems.intention import EMPTY_INTENTION, Intention
 
 
 class LearnerFault(LeafSystem):

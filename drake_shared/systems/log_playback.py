@@ -1,66 +1,63 @@
-"""A log as a system: what was recorded, at the time at which it was."""
+"""Source of the values that a log recorded, over time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import ClassVar
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydrake.common.value import Value
 from pydrake.geometry import FrameId, FramePoseVector
-from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from drake_shared.robots.pose import pose_to_transform
 
 
 class LogPlayback(LeafSystem):
-    """Gives out the rows of a log, each from its time to the next.
+    """Outputs the rows of a log, each from its time to the next.
 
     .. pydrake_system::
 
         name: LogPlayback
         output_ports:
-        - pose
+        - (one for each key of rows)
         - geometry_pose
-        - human_weight
-        - human_command
-        - autonomous_command
-        - shared_command
 
     Outputs:
-        pose (3): [x, y, yaw] in [m, m, rad], world frame.
-        geometry_pose: FramePoseVector that places ``frame``.
-        human_weight (1): w.
-        human_command, autonomous_command, shared_command (2): Wheel speeds [left, right] in [rad/s].
+        One vector port for each key of ``rows``.
+        geometry_pose: FramePoseVector that places ``frame`` at the row of "pose", [x, y, yaw] in
+            [m, m, rad], world frame. Only with ``frame``.
 
     Args:
         times: Shape (n,), in [s], increasing from 0.
-        rows: Each vector port's name to its values, shape (n, size).
+        rows: Name of each vector port, and its values, shape (n, size) or (n,).
         frame: The robot's frame in a SceneGraph.
     """
 
-    SIZES: ClassVar[dict[str, int]] = {
-        "pose": 3,
-        "human_weight": 1,
-        "human_command": 2,
-        "autonomous_command": 2,
-        "shared_command": 2,
-    }
-
-    def __init__(self, *, times: np.ndarray, rows: dict[str, np.ndarray], frame: FrameId) -> None:
+    def __init__(
+        self, *, times: ArrayLike, rows: Mapping[str, ArrayLike], frame: FrameId | None = None
+    ) -> None:
         super().__init__()
+        self.set_name("log_playback")
         self._times = np.asarray(times, dtype=float)
         self._rows = {
-            name: np.reshape(rows[name], (len(self._times), size)) for name, size in self.SIZES.items()
+            name: np.reshape(np.asarray(values, dtype=float), (len(self._times), -1))
+            for name, values in rows.items()
         }
         self._frame = frame
-        for name, size in self.SIZES.items():
-            self.DeclareVectorOutputPort(name, size, self._calc(name), {self.time_ticket()})
-        self.DeclareAbstractOutputPort(
-            "geometry_pose", lambda: Value(FramePoseVector()), self._calc_geometry_pose, {self.time_ticket()}
-        )
+        for name, values in self._rows.items():
+            self.DeclareVectorOutputPort(name, values.shape[1], self._calc(name), {self.time_ticket()})
+        if frame is not None:
+            self.DeclareAbstractOutputPort(
+                "geometry_pose",
+                lambda: Value(FramePoseVector()),
+                self._calc_geometry_pose,
+                {self.time_ticket()},
+            )
 
     def _row(self, context: Context) -> int:
-        # Times counted in steps miss each other by rounding.
+        # Times of steps are sums of rounded numbers.
         return max(int(self._times.searchsorted(context.get_time() + 1e-9, side="right")) - 1, 0)
 
     def _calc(self, name: str) -> Callable[[Context, BasicVector], None]:
@@ -69,8 +66,7 @@ class LogPlayback(LeafSystem):
 
         return calc
 
-    def _calc_geometry_pose(self, context: Context, output: Value) -> None:
-        x, y, yaw = self._rows["pose"][self._row(context)]
+    def _calc_geometry_pose(self, context: Context, output: Any) -> None:
         poses = FramePoseVector()
-        poses.set_value(self._frame, RigidTransform(RollPitchYaw(0, 0, yaw), [x, y, 0]))
+        poses.set_value(self._frame, pose_to_transform(self._rows["pose"][self._row(context)].tolist()))
         output.set_value(poses)

@@ -1,13 +1,14 @@
-"""Obstacles on given paths: where each is depends on time alone."""
+"""Obstacles on prescribed paths."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from pydrake.common.value import Value
-from pydrake.geometry import FramePoseVector, GeometryFrame, SceneGraph
+from pydrake.geometry import FramePoseVector, GeometryFrame, SceneGraph, SourceId
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
 
 from drake_shared.scenario.obstacles import Obstacle, obstacle_geometry, position_at
 
@@ -22,16 +23,17 @@ class MovingObstacles(LeafSystem):
         - geometry_pose
 
     Outputs:
-        geometry_pose: FramePoseVector of the obstacles' frames. Depends on time alone, so that a query of the
-            SceneGraph is no part of a loop.
+        geometry_pose: FramePoseVector of the obstacles' frames. It depends on time alone, so that a query of
+            the SceneGraph does not close an algebraic loop.
 
     Args:
         obstacles: Those that move.
-        scene_graph: Where they are registered, to be felt and seen.
+        scene_graph: Where their proximity and illustration geometry is registered.
     """
 
     def __init__(self, *, obstacles: Sequence[Obstacle], scene_graph: SceneGraph) -> None:
         super().__init__()
+        self.set_name("moving_obstacles")
         self._obstacles = tuple(obstacles)
         self._source = scene_graph.RegisterSource("moving_obstacles")
         self._frames = []
@@ -40,11 +42,19 @@ class MovingObstacles(LeafSystem):
             for geometry in obstacle_geometry(obstacle, 0.0, 0.0):
                 scene_graph.RegisterGeometry(self._source, frame, geometry)
             self._frames.append(frame)
-        self.DeclareAbstractOutputPort(
+        self._pose_port = self.DeclareAbstractOutputPort(
             "geometry_pose", lambda: Value(FramePoseVector()), self._calc_poses, {self.time_ticket()}
         )
 
-    def _calc_poses(self, context: Context, output: Value) -> None:
+    def source_id(self) -> SourceId:
+        """The obstacles' source in the SceneGraph."""
+        return self._source
+
+    def get_geometry_pose_output_port(self) -> OutputPort:
+        """The port ``geometry_pose``."""
+        return self._pose_port
+
+    def _calc_poses(self, context: Context, output: Any) -> None:
         poses = FramePoseVector()
         for obstacle, frame in zip(self._obstacles, self._frames, strict=True):
             poses.set_value(frame, RigidTransform([*position_at(obstacle, context.get_time()), 0.0]))
@@ -54,12 +64,16 @@ class MovingObstacles(LeafSystem):
 def AddMovingObstacles(
     builder: DiagramBuilder, scene_graph: SceneGraph, obstacles: Sequence[Obstacle]
 ) -> MovingObstacles | None:
-    """Adds those of ``obstacles`` that move to ``builder`` and ``scene_graph``; nothing if none does."""
+    """Adds those of ``obstacles`` that move to ``builder`` and ``scene_graph``.
+
+    Returns:
+        The system, or None if no obstacle moves.
+    """
     moving = [item for item in obstacles if item.path]
     if not moving:
         return None
-    system = MovingObstacles(obstacles=moving, scene_graph=scene_graph)
-    system = builder.AddNamedSystem("moving_obstacles", system)
-    port = scene_graph.get_source_pose_port(system._source)
-    builder.Connect(system.GetOutputPort("geometry_pose"), port)
+    system = builder.AddSystem(MovingObstacles(obstacles=moving, scene_graph=scene_graph))
+    builder.Connect(
+        system.get_geometry_pose_output_port(), scene_graph.get_source_pose_port(system.source_id())
+    )
     return system

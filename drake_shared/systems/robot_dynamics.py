@@ -1,4 +1,4 @@
-"""A robot's SDF model on a floor among obstacles, with its mass, friction and motors, stepped by hand."""
+"""MultibodyPlant of a robot's SDF model on a floor among obstacles, stepped by its owner."""
 
 from __future__ import annotations
 
@@ -31,46 +31,48 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive
 from drake_shared.robots.motion import Pose, Wheels
+from drake_shared.robots.pose import pose_to_transform
 from drake_shared.scenario.obstacles import Obstacle, position_at
 
 AXLES = ("left_axle", "right_axle")
 """Names of the wheels' joints in the SDF file of a robot."""
 
-# How hard everything is, in [N/m]: on softer ground the wheels sink in, and roll on a smaller radius.
+# Contact stiffness, in [N/m]: on a softer floor the wheels sink in and roll on a smaller radius.
 _STIFFNESS = 1e6
 _FLOOR_FRICTION = 0.8
-# Torque of a motor for each [rad/s] that its wheel lacks, in [N m s/rad]. With a tenth of it the robot turns
-# 1.5% too slowly: the weight behind the axle holds against a turn.
+# Torque of a motor per error of its wheel's speed, in [N m s/rad]. With a tenth of it the robot turns 1.5%
+# too slowly, because the weight behind the axle resists turning.
 _MOTOR_GAIN = 20.0
 # The body slides along a wall rather than climbs it.
 _BODY_FRICTION = 0.2
-# The body is felt between these heights over the floor, in [m], clear of the floor itself.
+# The body's collision geometry lies between these heights, in [m], clear of the floor.
 _BODY_BOTTOM, _BODY_TOP = 0.1, 0.2
 _OBSTACLE_HEIGHT = 2.0
-# Of what moves, in [kg]: one step of contact with the robot hardly slows it.
+# Mass of a moving obstacle, in [kg]: one step of contact with the robot hardly slows it.
 _OBSTACLE_MASS = 1e4
 _SETTLING_TIME = 0.5
-# Where the robot settles, in [m]: no obstacle is there.
+# Coordinates, in [m], at which the robot settles, far from all obstacles.
 _AWAY = 1000.0
-# How far an axle may lie from where the scenario has it, in [m].
+# Largest distance of an axle from its place by the scenario, in [m].
 _TOLERANCE = 1e-3
 
 
 class RobotDynamics:
     """A MultibodyPlant of robot, floor and obstacles, with a Context to step it in.
 
-    What lasts from step to step is the caller's to keep: :meth:`take_up` a state (n,) before the first.
-    Poses are of the link that carries the axles, whose origin lies on the floor below their middle.
+    The caller keeps the state (n,) between steps and passes it to :meth:`set_state`. Poses are of the link
+    that carries the axles, whose origin lies on the floor below their middle.
 
     Args:
         robot: Sizes; its SDF file must have the wheels on revolute joints named as in ``AXLES``, whose effort
             limit is that of their motors.
-        obstacles: What the body, a disc of the footprint's radius, runs into. Those that move are heavy and
-            put back on their paths before every step, so that nothing drives them off.
+        obstacles: That the body, a disc of the footprint's radius, collides with. Those that move are heavy
+            and are put back on their paths before every step.
         step: Of the contact solver, in [s].
 
     Raises:
-        InputError: The SDF file cannot be parsed, lacks the wheels, or has them where ``robot`` has not.
+        InputError: The SDF file cannot be parsed, lacks the wheels, or has them at other places than
+            ``robot``.
     """
 
     def __init__(self, robot: DiffDrive, obstacles: Sequence[Obstacle], *, step: float) -> None:
@@ -104,23 +106,22 @@ class RobotDynamics:
         self._diagram = builder.Build()
         self._root = self._diagram.CreateDefaultContext()
         self._context = self._plant.GetMyMutableContextFromRoot(self._root)
-        self._wish_port = self._plant.get_desired_state_input_port(self._robot)
+        self._desired_port = self._plant.get_desired_state_input_port(self._robot)
         self._check_axles(robot)
-        # What stands at rest has sunk into the floor by its weight: set down anywhere, it does not bounce.
+        # A robot at rest sinks into the floor by its weight. One that is placed so does not bounce.
         self._place(RigidTransform([_AWAY, _AWAY, 0.0]))
         for _ in range(round(_SETTLING_TIME / step)):
             self.step((0.0, 0.0))
         X_WB = self._plant.EvalBodyPoseInWorld(self._context, self._base)
-        x, y, yaw = self.pose()
-        self._X_RB = RigidTransform(RollPitchYaw(0, 0, yaw), [x, y, 0]).inverse() @ X_WB
+        self._X_RB = pose_to_transform(self.pose()).inverse() @ X_WB
 
-    def standing(self, x: float, y: float, yaw: float) -> np.ndarray:
-        """The state of a robot at rest at a pose in [m, m, rad], world frame."""
-        self._place(RigidTransform(RollPitchYaw(0, 0, yaw), [x, y, 0]) @ self._X_RB)
+    def state_at_rest(self, x: float, y: float, yaw: float) -> np.ndarray:
+        """State (n,) of a robot at rest at a pose in [m, m, rad], world frame."""
+        self._place(pose_to_transform((x, y, yaw)) @ self._X_RB)
         return self.state()
 
-    def take_up(self, state: np.ndarray) -> None:
-        """Goes on from ``state`` (n,)."""
+    def set_state(self, state: np.ndarray) -> None:
+        """Sets positions and velocities of the robot, ``state`` (n,)."""
         self._plant.SetPositionsAndVelocities(self._context, self._robot, state)
 
     def state(self) -> np.ndarray:
@@ -128,7 +129,7 @@ class RobotDynamics:
         return self._plant.GetPositionsAndVelocities(self._context, self._robot)
 
     def move_obstacles(self, time: float) -> None:
-        """Puts those that move where they are at ``time``, in [s], on their way to where they are next."""
+        """Puts moving obstacles at their places at ``time``, in [s], with the velocity of the next step."""
         for obstacle, joint in self._moving:
             here = np.array(position_at(obstacle, time))
             there = np.array(position_at(obstacle, time + self._period))
@@ -137,9 +138,9 @@ class RobotDynamics:
             joint.set_translational_velocity(self._context, (there - here) / self._period)
             joint.set_angular_velocity(self._context, 0.0)
 
-    def step(self, wish: Wheels) -> None:
-        """One step with the motors driving the wheels towards ``wish`` (left, right), in [rad/s]."""
-        self._wish_port.FixValue(self._context, [0.0, 0.0, *wish])
+    def step(self, desired: Wheels) -> None:
+        """One step with the motors driving the wheels toward ``desired`` (left, right), in [rad/s]."""
+        self._desired_port.FixValue(self._context, [0.0, 0.0, *desired])
         update = self._diagram.EvalUniquePeriodicDiscreteUpdate(self._root)
         self._root.get_mutable_discrete_state().SetFrom(update)
 
@@ -154,7 +155,7 @@ class RobotDynamics:
         left, right = (axle.get_angular_rate(self._context) for axle in self._axles)
         return float(left), float(right)
 
-    def touches(self) -> bool:
+    def is_in_contact(self) -> bool:
         """Whether the body is pressed against an obstacle."""
         query = self._plant.get_geometry_query_input_port().Eval(self._context)
         return any(self._body in (pair.id_A, pair.id_B) for pair in query.ComputePointPairPenetration())
@@ -172,13 +173,13 @@ class RobotDynamics:
                 raise InputError(
                     robot.model_path(),
                     axle.name(),
-                    f"must lie at {place.format(*wanted)} as the scenario's track and wheel radius have it",
+                    f"must lie at {place.format(*wanted)}, by the scenario's track and wheel radius",
                     place.format(*p_BA),
                 )
 
 
 def _axles(plant: MultibodyPlant, model: Path) -> list[RevoluteJoint]:
-    """The wheels' joints, with a motor on each that follows a wished speed, and no other motor anywhere."""
+    """The wheels' joints, with a motor on each that follows a desired speed; other motors are removed."""
     joints = [plant.GetJointByName(name) if plant.HasJointNamed(name) else None for name in AXLES]
     axles = [joint for joint in joints if isinstance(joint, RevoluteJoint)]
     if len(axles) < len(AXLES):
@@ -194,7 +195,7 @@ def _axles(plant: MultibodyPlant, model: Path) -> list[RevoluteJoint]:
             raise InputError(model, axle.name(), "must have an effort limit above 0")
         motor = plant.AddJointActuator(axle.name(), axle, effort)
         motor.set_controller_gains(PdControllerGains(p=0.0, d=_MOTOR_GAIN))
-        # The controller of the motor makes up for what is lost in it.
+        # The motor's controller compensates the joint's damping.
         axle.set_default_damping(0.0)
     return axles
 
@@ -202,28 +203,28 @@ def _axles(plant: MultibodyPlant, model: Path) -> list[RevoluteJoint]:
 def _add_surroundings(
     plant: MultibodyPlant, base: RigidBody, robot: DiffDrive, obstacles: Sequence[Obstacle]
 ) -> GeometryId:
-    """Adds the floor, the obstacles, and to ``base`` the disc that runs into them, which is returned."""
+    """Adds the floor, the obstacles, and to ``base`` the disc that collides with them, which is returned."""
     world = plant.world_body()
     floor = RigidTransform([0.0, 0.0, -0.5])
     plant.RegisterCollisionGeometry(
         world, floor, Box(1e4, 1e4, 1.0), "floor", CoulombFriction(_FLOOR_FRICTION, _FLOOR_FRICTION)
     )
-    rubbing = CoulombFriction(_BODY_FRICTION, _BODY_FRICTION)
+    friction = CoulombFriction(_BODY_FRICTION, _BODY_FRICTION)
     for obstacle in obstacles:
         if obstacle.path:
             continue
         X_WG = RigidTransform(RollPitchYaw(0, 0, obstacle.yaw_angle()), [obstacle.x, obstacle.y, 0.0])
         plant.RegisterCollisionGeometry(
-            world, X_WG, obstacle.shape(_OBSTACLE_HEIGHT), f"obstacle_{obstacle.name}", rubbing
+            world, X_WG, obstacle.shape(_OBSTACLE_HEIGHT), f"obstacle_{obstacle.name}", friction
         )
     disc = Cylinder(robot.footprint_radius, _BODY_TOP - _BODY_BOTTOM)
     X_BG = RigidTransform([0.0, 0.0, 0.5 * (_BODY_BOTTOM + _BODY_TOP)])
-    return plant.RegisterCollisionGeometry(base, X_BG, disc, "footprint", rubbing)
+    return plant.RegisterCollisionGeometry(base, X_BG, disc, "footprint", friction)
 
 
 def _add_moving(plant: MultibodyPlant, scene_graph: SceneGraph, obstacle: Obstacle) -> PlanarJoint:
-    """Adds an obstacle that glides over the floor and meets nothing but the robot."""
-    # Found before its own: neither the floor nor another obstacle is to hold it up.
+    """Adds an obstacle that slides over the floor and collides with the robot alone."""
+    # Collected before its own geometry exists: neither the floor nor another obstacle may stop it.
     others = [
         geometry
         for body in (plant.get_body(index) for index in plant.GetBodyIndices(default_model_instance()))
@@ -234,9 +235,9 @@ def _add_moving(plant: MultibodyPlant, scene_graph: SceneGraph, obstacle: Obstac
     inertia = SpatialInertia.SolidSphereWithMass(_OBSTACLE_MASS, 1.0)
     body = plant.AddRigidBody(name, default_model_instance(), inertia)
     X_BG = RigidTransform(RollPitchYaw(0, 0, obstacle.yaw_angle()), [0.0, 0.0, 0.0])
-    rubbing = CoulombFriction(_BODY_FRICTION, _BODY_FRICTION)
-    felt = plant.RegisterCollisionGeometry(body, X_BG, obstacle.shape(_OBSTACLE_HEIGHT), name, rubbing)
-    apart = CollisionFilterDeclaration().ExcludeBetween(GeometrySet([felt]), GeometrySet(others))
+    friction = CoulombFriction(_BODY_FRICTION, _BODY_FRICTION)
+    solid = plant.RegisterCollisionGeometry(body, X_BG, obstacle.shape(_OBSTACLE_HEIGHT), name, friction)
+    apart = CollisionFilterDeclaration().ExcludeBetween(GeometrySet([solid]), GeometrySet(others))
     scene_graph.collision_filter_manager().Apply(apart)
     frames = plant.world_frame(), body.body_frame()
     return plant.AddJoint(PlanarJoint(name, *frames, [0.0, 0.0, 0.0]))

@@ -1,4 +1,4 @@
-"""A simulated operator who has a route in mind and steers along it, with delay, noise and limited skill."""
+"""Simulated operator that steers along a route, with delay, noise and limited skill."""
 
 from __future__ import annotations
 
@@ -6,19 +6,21 @@ import math
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem, OutputPort
 
+from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.steering import SteeringLaw
 from drake_shared.robots import DiffDrive
-from drake_shared.scenario import Route, Scenario, Start
+from drake_shared.scenario import Route, Scenario
 from drake_shared.scenario.paths import Path
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
 
 __all__ = ["Behaviour", "SurrogateOperator"]
 
 
 class SurrogateOperator(LeafSystem):
-    """Follows a route of the scenario by the :class:`SteeringLaw` of its own.
+    """Follows a route of the scenario by the :class:`~drake_shared.operators.steering.SteeringLaw`.
 
     .. pydrake_system::
 
@@ -34,33 +36,42 @@ class SurrogateOperator(LeafSystem):
 
     Inputs:
         pose (3): [x, y, yaw] in [m, m, rad], world frame.
-        noise (2): Samples of a standard normal density, fresh ones each period, as from a RandomSource.
-        chance (4): Samples spread evenly over [0, 1), likewise. Looked at by an operator who lags or gives
-            random commands only.
-        human_weight (1): w of the confidence blender. Looked at by an operator who yields; 1 if nothing is
-            connected.
-        shared_command (2): What the blender made of the command, [left, right] in [rad/s]. Looked at by an
-            operator who is stubborn; the command itself if nothing is connected.
+        noise (2): Samples of a standard normal distribution, fresh ones each period, as from a RandomSource.
+        chance (4): Samples of a uniform distribution over [0, 1), likewise. Used only by an operator that
+            lags or gives random commands.
+        human_weight (1): w of the arbiter. Used only by an operator that yields; 1 if left open.
+        shared_command (2): The arbiter's output for the last command, [left, right] in [rad/s]. Used only by
+            an operator that is stubborn; the command itself if left open.
 
     Outputs:
         human_command (2): Wheel speeds [left, right] in [rad/s], within the limits of the wheels. State: it
-            answers what was seen, felt and drawn at least one period before.
+            answers inputs of at least one period before.
 
-    Parameters (of the Context): the route and the :class:`Behaviour`; see :meth:`set_behaviour`.
+    Parameters (of the Context):
+        route, behaviour: See :meth:`SetBehaviour`.
 
-    Noise is coloured, of first order. What is wanted is the steering law's command with noise, or a random
-    one, or that of the last step; then comes what the operator does about assistance.
+    The noise is coloured, of first order. The intended command is that of the steering law with noise, a
+    random one, or that of the last step; the operator's answer to assistance comes last.
 
     Args:
         scenario: Gives routes, robot, travel time and control period.
+
+    Raises:
+        InputError: The scenario has no route, or a robot that is not a differential drive.
     """
 
     def __init__(self, *, scenario: Scenario) -> None:
         super().__init__()
-        self._robot: DiffDrive = scenario.robot
+        self.set_name("surrogate_operator")
+        if not isinstance(scenario.robot, DiffDrive):
+            expected = "must be a DiffDrive for the SurrogateOperator"
+            raise InputError(f"scenario {scenario.name}", "robot", expected, type(scenario.robot).__name__)
+        if not scenario.routes:
+            raise InputError(f"scenario {scenario.name}", "routes", "must name at least one route")
+        self._scenario = scenario
+        self._robot = scenario.robot
         self._fastest = scenario.robot.max_wheel_speed
         self._period = scenario.control_period
-        self._start = scenario.start
         self._law = SteeringLaw(scenario)
         self._pose_port = self.DeclareVectorInputPort("pose", 3)
         self._noise_port = self.DeclareVectorInputPort("noise", 2)
@@ -68,33 +79,47 @@ class SurrogateOperator(LeafSystem):
         self._weight_port = self.DeclareVectorInputPort("human_weight", 1)
         self._shared_port = self.DeclareVectorInputPort("shared_command", 2)
         self._route_index = self.DeclareAbstractParameter(
-            Value(_RouteInMind(scenario.routes[0], self._start))
+            Value(_IntendedRoute(scenario.path_of(scenario.routes[0])))
         )
         self._behaviour_index = self.DeclareAbstractParameter(Value(Behaviour()))
         self._command_index = self.DeclareDiscreteState(2)
-        # Arc length reached on the route, in [m]; the noise on both wheels and what was wanted of them, in
+        # Arc length reached on the route, in [m]; the noise on both wheels, and their intended speeds, in
         # [rad/s].
         self._mind_index = self.DeclareDiscreteState(5)
-        self._seen_index = self.DeclareDiscreteState(self._law.nothing_seen)
-        self.DeclareStateOutputPort("human_command", self._command_index)
-        self.DeclarePeriodicDiscreteUpdateEvent(self._period, 0.0, self._update)
+        self._seen_index = self.DeclareDiscreteState(self._law.initial_memory)
+        self._command_port = self.DeclareStateOutputPort("human_command", self._command_index)
+        DeclareDiscreteUpdate(self, period=self._period, update=self._update)
 
-    def set_behaviour(
+    def get_pose_input_port(self) -> InputPort:
+        """The port ``pose``."""
+        return self._pose_port
+
+    def get_human_command_output_port(self) -> OutputPort:
+        """The port ``human_command``."""
+        return self._command_port
+
+    def SetBehaviour(
         self, context: Context, *, route: Route, behaviour: Behaviour, then: Route | None = None
     ) -> None:
-        """Gives the operator of this Context a route to follow and a way to drive.
+        """Sets the route that the operator of ``context`` intends, and how it drives.
 
-        With ``then``, the operator changes to that route at ``behaviour.switch_time``.
+        Args:
+            context: Of this system.
+            route: Of the scenario.
+            behaviour: Delay, noise and the like.
+            then: Route to which the operator changes at ``behaviour.switch_time``.
         """
-        minded = _RouteInMind(route, self._start, then)
-        context.get_mutable_abstract_parameter(self._route_index).set_value(minded)
+        paths = [self._scenario.path_of(item) for item in (route, then) if item is not None]
+        context.get_mutable_abstract_parameter(self._route_index).set_value(_IntendedRoute(*paths))
         context.get_mutable_abstract_parameter(self._behaviour_index).set_value(behaviour)
 
+    set_behaviour = SetBehaviour
+
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        minded: _RouteInMind = context.get_abstract_parameter(self._route_index).get_value()
+        route: _IntendedRoute = context.get_abstract_parameter(self._route_index).get_value()
         behaviour: Behaviour = context.get_abstract_parameter(self._behaviour_index).get_value()
         law, now = self._law, context.get_time()
-        path = minded.path(now >= behaviour.switch_time)
+        path = route.path(changed=now >= behaviour.switch_time)
         remembered = context.get_discrete_state(self._seen_index).value()
         seen = np.concatenate((self._pose_port.Eval(context), remembered[:-3]))
         mind = context.get_discrete_state(self._mind_index).value().tolist()
@@ -106,7 +131,7 @@ class SurrogateOperator(LeafSystem):
         paused = time - behaviour.pause_time
         steers = time >= 0.0 and not 0.0 <= paused < behaviour.pause
         if paused >= behaviour.pause:
-            time -= behaviour.pause  # What was planned is done later.
+            time -= behaviour.pause  # The plan continues after the pause.
         left = right = 0.0
         if steers:
             speed, turn, correction = law.steer(
@@ -124,16 +149,16 @@ class SurrogateOperator(LeafSystem):
         left_noise = keep * left_noise + left_spread * kick * new_left
         right_noise = keep * right_noise + right_spread * kick * new_right
         if steers:
-            wanted = self._within_limits(left + left_noise, right + right_noise)
+            intended = self._within_limits(left + left_noise, right + right_noise)
             if behaviour.lag or behaviour.random_share:
-                wanted = self._slip(context, behaviour, wanted, last)
-            command = wanted
+                intended = self._slip(context, behaviour, intended, last)
+            command = intended
             if behaviour.stubbornness or behaviour.yielding:
-                command = self._answer_assistance(context, behaviour, wanted, last)
+                command = self._answer_assistance(context, behaviour, intended, last)
         else:
-            command = wanted = [0.0, 0.0]  # Hands off: noise is of hands that steer.
+            command = intended = [0.0, 0.0]  # Without hands on the controls there is no noise either.
         state.set_value(self._command_index, command)
-        state.set_value(self._mind_index, [reached, left_noise, right_noise, *wanted])
+        state.set_value(self._mind_index, [reached, left_noise, right_noise, *intended])
         state.set_value(self._seen_index, seen)
 
     def _within_limits(self, left: float, right: float) -> list[float]:
@@ -141,21 +166,21 @@ class SurrogateOperator(LeafSystem):
         return [min(max(left, -fastest), fastest), min(max(right, -fastest), fastest)]
 
     def _slip(
-        self, context: Context, behaviour: Behaviour, wanted: list[float], last: list[float]
+        self, context: Context, behaviour: Behaviour, intended: list[float], last: list[float]
     ) -> list[float]:
-        """What is wanted, or by chance something random or what was wanted in the last step."""
+        """The intended command, or by chance a random one or that of the last step."""
         lags, random, left, right = self._chance_port.Eval(context).tolist()
         if lags < behaviour.lag:
             return last
         if random < behaviour.random_share:
             return [self._fastest * (2.0 * left - 1.0), self._fastest * (2.0 * right - 1.0)]
-        return wanted
+        return intended
 
     def _answer_assistance(
-        self, context: Context, behaviour: Behaviour, wanted: list[float], last: list[float]
+        self, context: Context, behaviour: Behaviour, intended: list[float], last: list[float]
     ) -> list[float]:
-        """What is wanted, changed by what became of the command of the last step."""
-        left, right = wanted
+        """The intended command, changed by the arbiter's output for the last command."""
+        left, right = intended
         if behaviour.stubbornness and self._shared_port.HasValue(context):
             shared_left, shared_right = self._shared_port.Eval(context).tolist()
             left += behaviour.stubbornness * (last[0] - shared_left)
@@ -166,15 +191,16 @@ class SurrogateOperator(LeafSystem):
         return self._within_limits(left, right)
 
 
-class _RouteInMind:
-    """A route with its curve, which is costly to make and never changes; perhaps another one after it."""
+class _IntendedRoute:
+    """The curve of a route, perhaps with another one to change to."""
 
-    def __init__(self, route: Route, start: Start, then: Route | None = None) -> None:
-        self._first = route.path(start)
-        self._second = None if then is None else then.path(start)
+    def __init__(self, first: Path, then: Path | None = None) -> None:
+        self._first = first
+        self._then = then
 
-    def path(self, switched: bool) -> Path:
-        return self._second if switched and self._second is not None else self._first
+    def path(self, *, changed: bool) -> Path:
+        return self._then if changed and self._then is not None else self._first
 
-    def __deepcopy__(self, memo: dict) -> _RouteInMind:
+    def __deepcopy__(self, memo: dict[int, object]) -> _IntendedRoute:
+        # Immutable, and Drake copies the parameters of a Context often.
         return self

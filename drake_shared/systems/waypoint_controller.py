@@ -1,22 +1,18 @@
-"""The agent's hands: steers to where the person is expected to be a moment from now."""
+"""Pure-pursuit controller toward the predicted position."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, OutputPort
 
-from drake_shared.robots import DiffDrive
-from drake_shared.systems.intention_estimator import EMPTY_INTENTION, Intention
-
-# Within this distance of the waypoint, in [m], the robot is there: directions to it mean nothing.
-_THERE = 0.01
+from drake_shared.robots import Robot, check_robot
+from drake_shared.systems.discrete_update import check_positive
+from drake_shared.systems.intention import Intention, empty_intention
 
 
 class WaypointController(LeafSystem):
-    """Steers along the arc to the position expected a look-ahead from now, to be there by then.
+    """Commands the robot toward the position expected a look-ahead from now, to be there by then.
 
     .. pydrake_system::
 
@@ -28,34 +24,36 @@ class WaypointController(LeafSystem):
         - autonomous_command
 
     Inputs:
-        pose (3): [x, y, yaw] in [m, m, rad], world frame.
-        intention: :class:`~drake_shared.systems.intention_estimator.Intention`.
+        pose: Configuration of the robot, such as [x, y, yaw] in [m, m, rad], world frame.
+        intention: :class:`~drake_shared.systems.intention.Intention`.
 
     Outputs:
-        autonomous_command (2): Wheel speeds [left, right] in [rad/s], within the limits of the wheels; NaN
-            where the intention is. Feeds through.
-
-    The arc through the waypoint that starts in the robot's direction is pure pursuit (Coulter 1992). To a
-    waypoint that lies behind, the robot turns first.
+        autonomous_command (M): The robot's ``command_toward`` that position, within the robot's limits; NaN
+            where the intention is NaN. Direct feedthrough. For the differential drive this is pure pursuit
+            (Coulter 1992).
 
     Args:
-        robot: Sizes and limits.
+        robot: Gives the sizes of the ports, and the command toward a position.
         look_ahead: In [s]. One control step is the paper's; a robot of limited acceleration needs more.
-        turn_gain: Yaw rate per angle to a waypoint behind, in [1/s].
+
+    Raises:
+        InputError: ``look_ahead`` is not positive and finite, or ``robot`` is not a Robot.
     """
 
-    def __init__(self, *, robot: DiffDrive, look_ahead: float = 0.6, turn_gain: float = 2.0) -> None:
+    def __init__(self, *, robot: Robot, look_ahead: float = 0.6) -> None:
         super().__init__()
-        if not (math.isfinite(look_ahead) and look_ahead > 0):
-            raise ValueError(f"look_ahead must be positive and finite, got {look_ahead}")
+        self.set_name("waypoint_controller")
+        check_robot(robot)
+        check_positive(self, look_ahead=look_ahead)
         self._robot = robot
         self._look_ahead = look_ahead
-        self._turn_gain = turn_gain
-        self._pose_port = self.DeclareVectorInputPort("pose", 3)
-        self._intention_port = self.DeclareAbstractInputPort("intention", Value(EMPTY_INTENTION))
-        self.DeclareVectorOutputPort(
+        self._pose_port = self.DeclareVectorInputPort("pose", len(robot.configuration_names))
+        self._intention_port = self.DeclareAbstractInputPort(
+            "intention", Value(empty_intention(len(robot.position_names)))
+        )
+        self._command_port = self.DeclareVectorOutputPort(
             "autonomous_command",
-            2,
+            len(robot.command_names),
             self._calc_command,
             {
                 self.input_port_ticket(self._pose_port.get_index()),
@@ -63,22 +61,20 @@ class WaypointController(LeafSystem):
             },
         )
 
+    def get_pose_input_port(self) -> InputPort:
+        """The port ``pose``."""
+        return self._pose_port
+
+    def get_intention_input_port(self) -> InputPort:
+        """The port ``intention``."""
+        return self._intention_port
+
+    def get_autonomous_command_output_port(self) -> OutputPort:
+        """The port ``autonomous_command``."""
+        return self._command_port
+
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         intention: Intention = self._intention_port.Eval(context)
-        goal_x, goal_y = intention.position(intention.time + self._look_ahead)
-        x, y, yaw = self._pose_port.Eval(context).tolist()
-        output.set_value(np.array(self._command(goal_x - x, goal_y - y, yaw)))
-
-    def _command(self, dx: float, dy: float, yaw: float) -> tuple[float, float]:
-        distance = math.hypot(dx, dy)
-        if not math.isfinite(distance):
-            return math.nan, math.nan
-        if distance < _THERE:
-            return 0.0, 0.0
-        bearing = math.remainder(math.atan2(dy, dx) - yaw, math.tau)
-        if abs(bearing) > 0.5 * math.pi:
-            return self._robot.wheel_speeds(0.0, self._turn_gain * bearing)
-        # The chord of length d at angle b belongs to an arc of length d b/sin b and curvature 2 sin b/d.
-        turn = 2.0 * bearing / self._look_ahead
-        arc = distance * (bearing / math.sin(bearing) if abs(bearing) > 1e-6 else 1.0)
-        return self._robot.wheel_speeds(arc / self._look_ahead, turn)
+        target = intention.position_at(intention.time + self._look_ahead)
+        pose = self._pose_port.Eval(context).tolist()
+        output.set_value(np.array(self._robot.command_toward(pose, target, self._look_ahead)))

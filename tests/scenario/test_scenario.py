@@ -55,7 +55,7 @@ def write(tmp_path):
 
 
 def refused(path) -> str:
-    """What is said of a file, after its name."""
+    """The message of the error for a file, after the file's name."""
     with pytest.raises(InputError) as caught:
         load_scenario(path)
     text = str(caught.value)
@@ -85,7 +85,7 @@ def test_the_default_is_the_task_of_the_paper():
     ]
     assert (scenario.duration, scenario.control_period) == (15.0, 0.05)
     assert dataclasses.astuple(scenario.start) == (0.0, 0.0, 0.0)
-    assert dataclasses.astuple(scenario.goal) == (5.0, 0.0, 0.2)
+    assert dataclasses.astuple(scenario.goal) == (5.0, 0.0, 0.0, 0.2)
 
 
 def test_the_default_robot_is_the_p3dx():
@@ -95,7 +95,7 @@ def test_the_default_robot_is_the_p3dx():
     assert robot.model_path().is_file()
 
 
-def test_every_kind_of_obstacle_is_among_those_shipped():
+def test_the_shipped_scenarios_have_every_kind_of_obstacle():
     kinds = {type(item) for name in SHIPPED for item in load_scenario(name).obstacles}
     assert kinds == {Circle, Box}
 
@@ -107,137 +107,135 @@ def test_a_file_can_be_given_by_its_path(write):
     assert load_scenario(str(write())) == scenario
 
 
-def test_whole_numbers_will_do(write):
+def test_integers_are_accepted_for_floats(write):
     assert load_scenario(write("duration: 15.0", "duration: 15")).duration == 15.0
 
 
 def test_a_route_is_found_by_its_name():
     assert load_scenario().route("left_left").sides == {"first": "left", "second": "left"}
-    with pytest.raises(
-        InputError, match="routes has no route 'up'; there are: left_right, right_left, left_l"
-    ):
+    with pytest.raises(InputError, match="left_right") as caught:
         load_scenario().route("up")
+    assert caught.value.field == "routes"
 
 
-def test_a_route_leaves_the_way_the_robot_stands(write):
+def test_a_route_starts_in_the_direction_of_the_robot(write):
     scenario = load_scenario(write("yaw: 0.0}", "yaw: -0.4}"))
     *_, direction, _ = scenario.routes[0].path(scenario.start).frame(0.0)
     assert direction == pytest.approx(-0.4)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_comes_back_from_the_dictionary_that_a_log_holds(name):
+def test_the_dictionary_of_a_log_gives_the_scenario_back(name):
     scenario = load_scenario(name)
     assert scenario_from_dict(json.loads(json.dumps(dataclasses.asdict(scenario)))) == scenario
 
 
-def test_a_scenario_made_in_python_with_numpy_comes_back_too(open_floor):
+def test_numpy_numbers_in_a_scenario_are_stored_as_plain_ones(open_floor):
     open_floor.goal.radius = np.float64(0.25)
     assert scenario_from_dict(dataclasses.asdict(open_floor)) == open_floor
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "field", "said"),
+    ("old", "new", "field"),
     [
         # Unknown fields and wrong types.
-        ("duration:", "duraton:", "duraton", "unknown"),
-        ("yaw: 0.0}", "yaw: 0.0, z: 1.0}", "start.z", "unknown"),
-        ("obstacles:", "robot: {wheels: 4}\nobstacles:", "robot.wheels", "unknown"),
-        ("radius: 0.2}\n- !Box", "radius: 0.2, colour: red}\n- !Box", "obstacles", "colour"),
-        ("duration: 15.0", "duration: soon", "duration", "soon"),
-        ("duration: 15.0", "duration: [15.0]", "duration", "list"),
-        ("duration: 15.0", "duration:", "duration", "None"),
-        ("duration: 15.0", "duration: true", "duration", "bool"),
-        ("name: task", "name: [a, b]", "name", "list"),
-        ("{x: 0.0, y: 0.0, yaw: 0.0}", "3", "start", "3"),
-        ("{x: 0.0, y: 0.0, yaw", "{x: left, y: 0.0, yaw", "start.x", "left"),
-        ("!Circle", "!Disc", "obstacles", "Disc"),
-        ("[1.5, -0.8]", "[1.5, low]", "routes", "low"),
-        ("[1.5, -0.8]", "1.5", "routes", "float"),
-        # No numbers.
-        ("duration: 15.0", "duration: .nan", "duration", "finite"),
-        ("control_period: 0.05", "control_period: .inf", "control_period", "finite"),
-        ("yaw: 0.0", "yaw: -.inf", "start.yaw", "finite"),
-        ("x: 1.5, y: 0.0, radius: 0.2", "x: .nan, y: 0.0, radius: 0.2", "obstacles[0].x", "finite"),
-        ("width: 0.1", "width: .nan", "obstacles[1].width", "finite"),
-        ("[1.5, -0.8]", "[1.5, .nan]", "routes[0].waypoints[1][1]", "finite"),
-        ("obstacles:", "robot: {track: .nan}\nobstacles:", "robot.track", "finite"),
-        # Left out.
-        ("name: task\n", "", "name", "must be given"),
-        ("goal: {x: 3.0, ", "goal: {", "goal.x", "must be given"),
-        ("goal: {x: 3.0, y: 0.0, radius: 0.2}\n", "", "goal.x", "must be given"),
-        ("x_min: -1.0, ", "", "workspace.x_min", "must be given"),
-        ("0.0, radius: 0.2}\n- !Box", "0.0}\n- !Box", "obstacles[0].radius", "must be given"),
-        (", length: 1.0", "", "obstacles[1].length", "must be given"),
-        ("name: pillar, ", "", "obstacles", "must all have a name"),
-        ("name: below", "name: ' '", "routes", "must all have a name"),
-        # Not positive, or not what it must be.
-        ("duration: 15.0", "duration: 0.0", "duration", "positive"),
-        ("duration: 15.0", "duration: 15.01", "duration", "whole number of control periods"),
-        ("duration: 15.0", "duration: 0.01", "duration", "whole number of control periods"),
-        ("control_period: 0.05", "control_period: -0.05", "control_period", "positive"),
-        ("radius: 0.2}\nwork", "radius: 0.0}\nwork", "goal.radius", "positive"),
-        ("radius: 0.2}\n- !Box", "radius: -0.2}\n- !Box", "obstacles[0].radius", "positive"),
-        ("length: 1.0", "length: 0.0", "obstacles[1].length", "positive"),
-        ("obstacles:", "robot: {footprint_radius: -1.0}\nobstacles:", "robot.footprint_radius", "positive"),
-        ("obstacles:", "robot: {wheel_radius: 0.0}\nobstacles:", "robot.wheel_radius", "positive"),
-        ("obstacles:", "robot: {max_acceleration: 0.0}\nobstacles:", "robot.max_acceleration", "positive"),
-        ("obstacles:", "travel_time: 0.0\nobstacles:", "travel_time", "positive"),
-        ("control_period: 0.05", "control_period: 1.0e-9", "control_period", "at most"),
-        ("x_max: 4.0", "x_max: -4.0", "workspace's width", "positive"),
-        ("y_max: 1.5", "y_max: -1.5", "workspace's height", "positive"),
-        ("name: wall", "name: pillar", "obstacles", "names that differ"),
-        ("name: between", "name: below", "routes", "names that differ"),
-        ("obstacles:", "robot: {model: tank.sdf}\nobstacles:", "robot.model", "must be an SDF file"),
-        ("obstacles:", "plant: wooden\nobstacles:", "plant", "one of kinematic, dynamic"),
-        # Outside.
-        ("start: {x: 0.0", "start: {x: -1.1", "start", "inside the workspace"),
-        ("goal: {x: 3.0", "goal: {x: 4.1", "goal", "inside the workspace"),
-        ("x: 1.5, y: 0.0, radius", "x: 9.5, y: 0.0, radius", "obstacles: pillar", "inside the workspace"),
-        ("[1.5, -0.8]", "[1.5, -1.6]", "routes: below", "inside the workspace"),
-        # In the way, with the footprint counted.
-        ("start: {x: 0.0", "start: {x: 1.5", "start", "free of obstacles"),
-        ("start: {x: 0.0", "start: {x: 1.05", "start", "free of obstacles"),
-        ("goal: {x: 3.0", "goal: {x: 1.95", "goal", "free of obstacles"),
-        ("[1.5, -0.8]", "[1.5, -0.1]", "routes: below", "free of obstacles"),
-        ("[1.5, -0.8]", "[1.5, -0.46]", "routes: below", "free of obstacles"),
+        ("duration:", "duraton:", "duraton"),
+        ("yaw: 0.0}", "yaw: 0.0, z: 1.0}", "start.z"),
+        ("obstacles:", "robot: {wheels: 4}\nobstacles:", "robot.wheels"),
+        ("radius: 0.2}\n- !Box", "radius: 0.2, colour: red}\n- !Box", "obstacles"),
+        ("duration: 15.0", "duration: soon", "duration"),
+        ("duration: 15.0", "duration: [15.0]", "duration"),
+        ("duration: 15.0", "duration:", "duration"),
+        ("duration: 15.0", "duration: true", "duration"),
+        ("name: task", "name: [a, b]", "name"),
+        ("{x: 0.0, y: 0.0, yaw: 0.0}", "3", "start"),
+        ("{x: 0.0, y: 0.0, yaw", "{x: left, y: 0.0, yaw", "start.x"),
+        ("!Circle", "!Disc", "obstacles"),
+        ("[1.5, -0.8]", "[1.5, low]", "routes"),
+        ("[1.5, -0.8]", "1.5", "routes"),
+        # NaN and infinite values.
+        ("duration: 15.0", "duration: .nan", "duration"),
+        ("control_period: 0.05", "control_period: .inf", "control_period"),
+        ("yaw: 0.0", "yaw: -.inf", "start.yaw"),
+        ("x: 1.5, y: 0.0, radius: 0.2", "x: .nan, y: 0.0, radius: 0.2", "obstacles[0].x"),
+        ("width: 0.1", "width: .nan", "obstacles[1].width"),
+        ("[1.5, -0.8]", "[1.5, .nan]", "routes[0].waypoints[1][1]"),
+        ("obstacles:", "robot: {track: .nan}\nobstacles:", "robot.track"),
+        # Missing fields.
+        ("name: task\n", "", "name"),
+        ("goal: {x: 3.0, ", "goal: {", "goal.x"),
+        ("goal: {x: 3.0, y: 0.0, radius: 0.2}\n", "", "goal.x"),
+        ("x_min: -1.0, ", "", "workspace.x_min"),
+        ("0.0, radius: 0.2}\n- !Box", "0.0}\n- !Box", "obstacles[0].radius"),
+        (", length: 1.0", "", "obstacles[1].length"),
+        ("name: pillar, ", "", "obstacles"),
+        ("name: below", "name: ' '", "routes"),
+        # Values out of range.
+        ("duration: 15.0", "duration: 0.0", "duration"),
+        ("duration: 15.0", "duration: 15.01", "duration"),
+        ("duration: 15.0", "duration: 0.01", "duration"),
+        ("control_period: 0.05", "control_period: -0.05", "control_period"),
+        ("radius: 0.2}\nwork", "radius: 0.0}\nwork", "goal.radius"),
+        ("radius: 0.2}\n- !Box", "radius: -0.2}\n- !Box", "obstacles[0].radius"),
+        ("length: 1.0", "length: 0.0", "obstacles[1].length"),
+        ("obstacles:", "robot: {footprint_radius: -1.0}\nobstacles:", "robot.footprint_radius"),
+        ("obstacles:", "robot: {wheel_radius: 0.0}\nobstacles:", "robot.wheel_radius"),
+        ("obstacles:", "robot: {max_acceleration: 0.0}\nobstacles:", "robot.max_acceleration"),
+        ("obstacles:", "travel_time: 0.0\nobstacles:", "travel_time"),
+        ("control_period: 0.05", "control_period: 1.0e-9", "control_period"),
+        ("x_max: 4.0", "x_max: -4.0", "workspace's width"),
+        ("y_max: 1.5", "y_max: -1.5", "workspace's height"),
+        ("name: wall", "name: pillar", "obstacles"),
+        ("name: between", "name: below", "routes"),
+        ("obstacles:", "robot: {model: tank.sdf}\nobstacles:", "robot.model"),
+        ("obstacles:", "plant: wooden\nobstacles:", "plant"),
+        # Places outside the workspace.
+        ("start: {x: 0.0", "start: {x: -1.1", "start"),
+        ("goal: {x: 3.0", "goal: {x: 4.1", "goal"),
+        ("x: 1.5, y: 0.0, radius", "x: 9.5, y: 0.0, radius", "obstacles: pillar"),
+        ("[1.5, -0.8]", "[1.5, -1.6]", "routes: below"),
+        # Places closer to an obstacle than the footprint's radius.
+        ("start: {x: 0.0", "start: {x: 1.5", "start"),
+        ("start: {x: 0.0", "start: {x: 1.05", "start"),
+        ("goal: {x: 3.0", "goal: {x: 1.95", "goal"),
+        ("[1.5, -0.8]", "[1.5, -0.1]", "routes: below"),
+        ("[1.5, -0.8]", "[1.5, -0.46]", "routes: below"),
         # Routes.
-        ("[[0.0, 0.0], [1.5, -0.8], [3.0, 0.0]]", "[]", "routes: below", "at least two waypoints"),
-        ("[[0.0, 0.0], [1.5, -0.8], [3.0, 0.0]]", "[[0.0, 0.0]]", "routes: below", "at least two waypoints"),
-        ("[1.5, -0.8]", "[1.5, -0.8, 0.0]", "routes: below", "two waypoints [x, y]"),
-        ("[1.5, -0.8]", "[1.5, -0.8], [1.5, -0.8]", "routes: below", "twice in a row"),
-        ("[[0.0, 0.0], [1.5, -0.8]", "[[0.1, 0.0], [1.5, -0.8]", "routes: below", "misses the start"),
-        ("[1.5, -0.8], [3.0, 0.0]", "[1.5, -0.8], [2.9, 0.0]", "routes: below", "misses the goal"),
-        ("pillar: right", "pillar: left", "routes: below: sides: pillar", "must be right"),
-        ("pillar: right", "pillar: under", "routes: below: sides: pillar", "must be right, got 'under'"),
-        ("{pillar: right, wall: right}", "{pillar: right}", "routes: below: sides", "name every obstacle"),
-        ("{pillar: right, ", "{tree: left, pillar: right, ", "routes: below: sides", "name every obstacle"),
+        ("[[0.0, 0.0], [1.5, -0.8], [3.0, 0.0]]", "[]", "routes: below"),
+        ("[[0.0, 0.0], [1.5, -0.8], [3.0, 0.0]]", "[[0.0, 0.0]]", "routes: below"),
+        ("[1.5, -0.8]", "[1.5, -0.8, 0.0]", "routes: below"),
+        ("[1.5, -0.8]", "[1.5, -0.8], [1.5, -0.8]", "routes: below"),
+        ("[[0.0, 0.0], [1.5, -0.8]", "[[0.1, 0.0], [1.5, -0.8]", "routes: below"),
+        ("[1.5, -0.8], [3.0, 0.0]", "[1.5, -0.8], [2.9, 0.0]", "routes: below"),
+        ("pillar: right", "pillar: left", "routes: below: sides: pillar"),
+        ("pillar: right", "pillar: under", "routes: below: sides: pillar"),
+        ("{pillar: right, wall: right}", "{pillar: right}", "routes: below: sides"),
+        ("{pillar: right, ", "{tree: left, pillar: right, ", "routes: below: sides"),
     ],
 )
-def test_a_bad_scenario_is_refused_in_one_line_that_names_file_and_field(write, old, new, field, said):
-    text = refused(write(old, new))
-    assert text.startswith(f"{field} ")
-    assert said in text
+def test_a_bad_scenario_is_refused_in_one_line_that_names_file_and_field(write, old, new, field):
+    assert refused(write(old, new)).startswith(f"{field} ")
 
 
 @pytest.mark.parametrize("routes", ["routes: []\n", ""])
 def test_a_scenario_without_routes_is_refused(tmp_path, routes):
     file = tmp_path / "task.yaml"
     file.write_text(TASK[: TASK.index("routes:")] + routes)
-    assert refused(file) == "routes must name at least one route"
+    assert refused(file).startswith("routes ")
 
 
 @pytest.mark.parametrize("content", [b"", b"3", b"- 1\n- 2\n", b"a: [", b"a: b: c", b"\x00", b"\xff\xfe\x00"])
-def test_what_is_no_scenario_at_all_is_refused(tmp_path, content):
+def test_a_file_that_is_not_a_scenario_is_refused(tmp_path, content):
     file = tmp_path / "task.yaml"
     file.write_bytes(content)
     assert refused(file).startswith("cannot be read")
 
 
 @pytest.mark.parametrize("name", ["nowhere/task.yaml", "four_obstacles", "", "../two_obstacles"])
-def test_a_file_that_is_not_there_is_refused_and_the_shipped_ones_are_named(tmp_path, name):
+def test_a_missing_file_is_refused_with_the_shipped_names(tmp_path, name):
     path = str(tmp_path / name) if "/" in name else name
-    assert refused(path) == "must be a scenario file, or one of: doorway, three_obstacles, two_obstacles"
+    text = refused(path)
+    assert all(shipped in text for shipped in SHIPPED)
 
 
 def test_yaml_that_would_run_code_is_refused(write, tmp_path):
@@ -265,7 +263,7 @@ def test_yaml_that_would_run_code_is_refused(write, tmp_path):
         ({"name": object()}, ""),
     ],
 )
-def test_a_dictionary_that_is_no_scenario_is_refused(scenario, change, field):
+def test_a_dictionary_that_is_not_a_scenario_is_refused(scenario, change, field):
     data = dataclasses.asdict(scenario) | change
     with pytest.raises(InputError) as caught:
         scenario_from_dict(data, source="a log")
@@ -273,18 +271,18 @@ def test_a_dictionary_that_is_no_scenario_is_refused(scenario, change, field):
 
 
 @pytest.mark.parametrize("data", [None, 3, "scenario", [1, 2], {}])
-def test_something_else_than_a_dictionary_is_refused(data):
+def test_data_other_than_a_dictionary_is_refused(data):
     with pytest.raises(InputError, match="a log"):
         scenario_from_dict(data, source="a log")
 
 
-def test_a_scenario_is_not_changed_by_being_checked(scenario):
+def test_checking_does_not_change_a_scenario(scenario):
     before = copy.deepcopy(scenario)
     check_scenario(scenario)
     assert scenario == before
 
 
-def test_clearance_is_the_least_one_along_the_way_with_the_footprint_counted(scenario):
+def test_clearance_is_the_least_distance_along_the_path_less_the_footprint(scenario):
     clearance = clearance_scorer(scenario)
     assert clearance(np.array([[1.4, 1.0]])) == pytest.approx(1.0 - 0.25 - 0.267)
     way = np.stack([np.linspace(0, 5, 101), np.full(101, 0.8)], axis=-1)
@@ -308,7 +306,7 @@ def test_wheel_speeds_by_hand():
     assert robot.twist(4.0, 6.0) == pytest.approx((0.05 * 10.0, 0.1 / 0.4 * 2.0))
 
 
-def test_too_fast_a_wish_keeps_its_curve():
+def test_a_command_beyond_the_limits_keeps_its_curvature():
     robot = DiffDrive()
     left, right = robot.wheel_speeds(5.0, 4.0)
     assert max(abs(left), abs(right)) == pytest.approx(robot.max_wheel_speed)
@@ -316,6 +314,6 @@ def test_too_fast_a_wish_keeps_its_curve():
     assert speed / yaw_rate == pytest.approx(5.0 / 4.0)
 
 
-def test_the_number_of_steps_does_not_suffer_from_rounding():
+def test_the_number_of_steps_is_exact_despite_rounding():
     for period, duration, steps in [(0.1, 0.3, 3), (0.05, 15.0, 300), (0.03, 2.1, 70)]:
         assert Scenario(duration=duration, control_period=period).steps == steps

@@ -48,7 +48,7 @@ class Bench:
         return self
 
     def at(self, *pose) -> "Bench":
-        self.dut.set_pose(self.context, pose)
+        self.dut.SetPose(self.context, pose)
         return self
 
     def __getattr__(self, port: str) -> np.ndarray:
@@ -118,7 +118,7 @@ def test_geometry_pose_depends_on_no_input():
     dut = Bench(robot=ROBOT, looks=True).dut
     assert not dut.HasDirectFeedthrough(dut.GetOutputPort("geometry_pose").get_index())
     lonely = dut.CreateDefaultContext()
-    dut.set_pose(lonely, [1.0, 2.0, 0.5])
+    dut.SetPose(lonely, [1.0, 2.0, 0.5])
     X_WR = dut.GetOutputPort("geometry_pose").Eval(lonely).value(dut.frame_id())
     np.testing.assert_allclose(X_WR.translation(), [1.0, 2.0, 0.0])
     assert RollPitchYaw(X_WR.rotation()).yaw_angle() == pytest.approx(0.5)

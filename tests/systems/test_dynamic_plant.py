@@ -152,7 +152,7 @@ def test_what_is_to_come_depends_on_the_context_alone():
     rest = drive(bench.dut, bench.context, commands[10:])
     again = drive(bench.dut, bench.dut.GetMyMutableContextFromRoot(kept), commands[10:])
     np.testing.assert_array_equal(again, rest)
-    bench.dut.set_pose(bench.context, [0.0, 0.0, 0.0])
+    bench.dut.SetPose(bench.context, [0.0, 0.0, 0.0])
     np.testing.assert_array_equal(drive(bench.dut, bench.context, commands[:10]), first)
 
 

@@ -1,4 +1,4 @@
-"""IntentionEstimator with a learner that says what it is told to: eq. (1), clocks, evidence, laziness."""
+"""IntentionEstimator with learners of known predictions: eq. (1), clocks, evidence, errors."""
 
 import math
 
@@ -8,6 +8,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
+from drake_shared.common.errors import InputError, RunError
 from drake_shared.robots import DiffDrive
 from drake_shared.simulation.trial import Simulation, TrialSettings
 from drake_shared.systems.intention_estimator import IntentionEstimator
@@ -31,7 +32,7 @@ class Bench:
             self.context.SetTime(time)
         return self
 
-    def told(self, *command: float) -> "Bench":
+    def commanded(self, *command: float) -> "Bench":
         self.dut.GetInputPort("human_command").FixValue(self.context, command)
         return self
 
@@ -88,7 +89,7 @@ def test_k_is_a_parameter_of_the_context(fake_learner):
     learner = fake_learner(WAY, variance=0.1, gain=40.0)
     bench = Bench(learner)
     other = bench.dut.CreateDefaultContext()
-    bench.dut.set_learner(bench.context, learner, confidence_gain=80.0)
+    bench.dut.SetLearner(bench.context, learner, confidence_gain=80.0)
     bench.dut.GetInputPort("pose").FixValue(other, [0, 0, 0])
     assert bench.confidence == pytest.approx(1 / 8)
     assert bench.dut.GetOutputPort("confidence").Eval(other) == pytest.approx(1 / 4)
@@ -97,7 +98,7 @@ def test_k_is_a_parameter_of_the_context(fake_learner):
 def test_the_learner_is_a_parameter_of_the_context(fake_learner):
     bench = Bench(fake_learner(WAY, variance=0.1))
     other = bench.dut.CreateDefaultContext()
-    bench.dut.set_learner(other, fake_learner(WAY + np.array([0.0, 1.0]), variance=0.2, gain=10.0))
+    bench.dut.SetLearner(other, fake_learner(WAY + np.array([0.0, 1.0]), variance=0.2, gain=10.0))
     bench.dut.GetInputPort("pose").FixValue(other, [0, 0, 0])
     assert bench.mean_variance == pytest.approx(0.1)
     assert bench.dut.GetOutputPort("mean_variance").Eval(other) == pytest.approx(0.2)
@@ -105,7 +106,7 @@ def test_the_learner_is_a_parameter_of_the_context(fake_learner):
     assert bench.dut.GetOutputPort("intention").Eval(other.Clone()).mean[-1].tolist() == [5.0, 1.0]
 
 
-def test_says_nan_where_the_learner_does(fake_learner):
+def test_variance_of_nan_gives_confidence_of_nan(fake_learner):
     bench = Bench(fake_learner(WAY, variance=math.nan))
     assert math.isnan(bench.confidence)
     assert math.isnan(bench.mean_variance)
@@ -123,14 +124,14 @@ def test_entries_at_or_before_now_are_nan_and_the_later_ones_are_the_learners(fa
     np.testing.assert_array_equal(intention.variance[21:], 0.1)
 
 
-def test_times_counted_in_steps_are_not_taken_for_later_ones(fake_learner):
+def test_rounding_of_times_does_not_make_a_query_later_than_now(fake_learner):
     bench = Bench(fake_learner(WAY))
     for step in range(201):
         intention = bench.at(0, 0, time=step * 0.05).intention
         assert intention.times[intention.first] > step * 0.05 + 1e-6 or intention.first == 100
 
 
-def test_shows_the_learner_where_the_robot_is_now_and_asks_for_what_is_to_come(fake_learner):
+def test_the_learner_gets_the_position_now_and_the_queries_to_come(fake_learner):
     learner = fake_learner(WAY)
     Bench(learner).at(1.2, 0.3, time=2.05).eval("intention")
     ((times, positions, queries),) = learner.calls
@@ -160,7 +161,7 @@ def test_one_prediction_a_step_in_a_trial(open_floor, route_learner, clock):
     assert open_floor.steps <= len(learner.calls) <= open_floor.steps + 1
 
 
-def test_what_was_given_out_does_not_change_under_its_readers(fake_learner):
+def test_an_output_does_not_change_after_it_was_read(fake_learner):
     bench = Bench(fake_learner(WAY)).at(0, 0, time=1.0)
     kept = bench.intention
     mean = kept.mean.copy()
@@ -168,7 +169,7 @@ def test_what_was_given_out_does_not_change_under_its_readers(fake_learner):
     np.testing.assert_array_equal(kept.mean, mean)
 
 
-def test_on_the_clock_now_is_the_time(fake_learner):
+def test_by_time_now_is_the_time(fake_learner):
     bench = Bench(fake_learner(WAY, clock="time")).at(4.0, 0.0)
     for time in (0.0, 1.05, 9.0):
         bench.context.SetTime(time)
@@ -202,7 +203,7 @@ def test_progress_belongs_to_the_context(fake_learner):
     assert bench.dut.GetOutputPort("intention").Eval(fresh).time < 0.2 < bench.intention.time
 
 
-def test_pulls_nothing_and_holds_no_stale_estimate_in_a_diagram_of_its_own(fake_learner):
+def test_alone_in_a_diagram_it_predicts_once_a_period(fake_learner):
     learner = fake_learner(WAY)
     builder = DiagramBuilder()
     dut = builder.AddSystem(IntentionEstimator(learner=learner, period=0.05))
@@ -216,7 +217,7 @@ def test_pulls_nothing_and_holds_no_stale_estimate_in_a_diagram_of_its_own(fake_
 
 
 class Pointing:
-    """Knows two ways, straight on and to the left, and says that of the last observation."""
+    """Predicts a path straight ahead at the y of the last observation."""
 
     name, preset, confidence_gain, demonstrations = "pointing", "test", 10.0, None
     grid, duration = GRID, 10.0
@@ -231,17 +232,17 @@ class Pointing:
         return ahead, np.full_like(ahead, 0.05)
 
 
-def test_a_command_is_evidence_for_learners_that_heed_it():
-    plain, heeding = Bench(Pointing(None)).told(3.0, 5.0), Bench(Pointing()).told(3.0, 5.0)
+def test_a_command_is_evidence_for_learners_that_use_it():
+    plain, using = Bench(Pointing(None)).commanded(3.0, 5.0), Bench(Pointing()).commanded(3.0, 5.0)
     assert plain.intention.mean[-1, 1] == 0.0
-    assert heeding.intention.mean[-1, 1] > 0.0
+    assert using.intention.mean[-1, 1] > 0.0
 
 
 def test_a_command_points_to_where_it_leads():
     learner = Pointing()
     robot = DiffDrive()
     wheels = robot.wheel_speeds(0.5, 1.0)
-    Bench(learner, robot=robot, reach=0.8).at(1.0, 2.0, 0.3).told(*wheels).eval("intention")
+    Bench(learner, robot=robot, reach=0.8).at(1.0, 2.0, 0.3).commanded(*wheels).eval("intention")
     pointed = learner.shown[-1]
     np.testing.assert_array_equal(pointed[0], [1.0, 2.0])
     radius = 0.5
@@ -251,27 +252,27 @@ def test_a_command_points_to_where_it_leads():
     )
 
 
-class PointingInOneGo(Pointing):
-    """Gives all predictions of a step at once, and refuses to be asked for one."""
+class PointingAtOnce(Pointing):
+    """Offers all predictions of a step at once, and no single one."""
 
     def predict_prefixes(self, times, positions, query_times):
         one_by_one = super().predict
         return [one_by_one(times[:n], positions[:n], query_times) for n in range(1, len(times) + 1)]
 
     def predict(self, times, positions, query_times):
-        raise AssertionError("asked for one prediction")
+        raise AssertionError("called for one prediction")
 
 
 @pytest.mark.parametrize("command", [(3.0, 5.0), (0.0, 0.0)])
-def test_a_learner_that_predicts_in_one_go_is_asked_so_and_says_the_same(command):
-    one_by_one, in_one_go = Bench(Pointing()).told(*command), Bench(PointingInOneGo()).told(*command)
+def test_predictions_of_several_prefixes_at_once_give_the_same_estimate(command):
+    one_by_one, at_once = Bench(Pointing()).commanded(*command), Bench(PointingAtOnce()).commanded(*command)
     for port in ("confidence", "mean_variance", "influence"):
-        np.testing.assert_array_equal(in_one_go.eval(port), one_by_one.eval(port))
-    np.testing.assert_array_equal(in_one_go.intention.mean, one_by_one.intention.mean)
+        np.testing.assert_array_equal(at_once.eval(port), one_by_one.eval(port))
+    np.testing.assert_array_equal(at_once.intention.mean, one_by_one.intention.mean)
 
 
-def test_to_point_elsewhere_raises_the_variance_to_the_squared_distance_of_both_means():
-    bench = Bench(Pointing()).told(3.0, 5.0)
+def test_a_command_elsewhere_raises_the_variance_to_the_squared_distance_of_both_means():
+    bench = Bench(Pointing()).commanded(3.0, 5.0)
     shift = bench.intention.mean[-1, 1]
     np.testing.assert_allclose(bench.intention.variance[1:, 0], 0.05)
     np.testing.assert_allclose(bench.intention.variance[1:, 1], max(0.05, shift**2))
@@ -279,21 +280,21 @@ def test_to_point_elsewhere_raises_the_variance_to_the_squared_distance_of_both_
 
 
 @pytest.mark.parametrize("command", [(0.0, 0.0), (-2.0, 2.0), (0.1, 0.1), (math.nan, 1.0), (math.inf, 1.0)])
-def test_a_command_that_leads_nowhere_says_nothing(command):
+def test_a_command_that_hardly_moves_the_robot_is_not_an_observation(command):
     learner = Pointing()
-    bench = Bench(learner).told(*command)
+    bench = Bench(learner).commanded(*command)
     bench.eval("intention")
     assert len(learner.shown) == 1
     assert bench.influence[1] == 0.0
 
 
-def test_without_a_command_the_pose_alone_speaks():
+def test_without_a_command_the_pose_is_the_only_observation():
     learner = Pointing()
     assert Bench(learner).intention.mean[-1, 1] == 0.0
     assert len(learner.shown) == 1
 
 
-def test_influence_of_the_pose_is_how_far_it_moved_the_way_expected():
+def test_influence_of_the_pose_is_the_distance_by_which_it_moved_the_expected_path():
     bench = Bench(Pointing(None)).at(0.0, 0.0)
     assert bench.influence == [0.0, 0.0]
     bench.step().at(0.0, 0.3, time=0.05)
@@ -302,6 +303,67 @@ def test_influence_of_the_pose_is_how_far_it_moved_the_way_expected():
     assert bench.influence == pytest.approx([0.0, 0.0])
 
 
-def test_influence_is_finite_whatever_the_learner_says(fake_learner):
+def test_influence_is_finite_for_a_prediction_of_nan(fake_learner):
     bench = Bench(fake_learner(np.full_like(WAY, math.nan), variance=math.nan)).step()
+    assert bench.influence == [0.0, 0.0]
+
+
+class Broken(Pointing):
+    """Predicts what ``spoil`` makes of mean and variance."""
+
+    name = "broken"
+
+    def __init__(self, spoil):
+        super().__init__()
+        self._spoil = spoil
+
+    def predict(self, times, positions, query_times):
+        return self._spoil(*super().predict(times, positions, query_times))
+
+
+def _raise(mean, variance):
+    raise ZeroDivisionError("inside the learner")
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        _raise,
+        lambda mean, variance: (mean, variance[:, 0]),
+        lambda mean, variance: (mean[1:], variance),
+        lambda mean, variance: (mean, -variance),
+        lambda mean, variance: (mean, 0.0 * variance),
+        lambda mean, variance: (mean.tolist(), variance),
+    ],
+)
+def test_a_broken_prediction_names_the_learner_and_the_time(spoil):
+    bench = Bench(Broken(spoil)).at(0.0, 0.0, time=1.25)
+    with pytest.raises(RunError, match=r"'broken'.*1\.25"):
+        bench.eval("confidence")
+
+
+def test_a_learner_that_returns_views_of_one_buffer_is_refused():
+    buffer = np.zeros((2, len(GRID), 2))
+
+    def reuse(mean, variance):
+        buffer[0, : len(mean)], buffer[1, : len(mean)] = mean, variance
+        return buffer[0, : len(mean)], buffer[1, : len(mean)]
+
+    with pytest.raises(RunError, match="broken"):
+        Bench(Broken(reuse)).commanded(3.0, 5.0).eval("confidence")
+
+
+def test_a_learner_of_another_size_of_positions_is_refused(fake_learner):
+    learner = fake_learner(WAY)
+    learner.demonstrations = np.zeros((1, len(GRID), 3))
+    with pytest.raises(InputError, match="fake"):
+        IntentionEstimator(learner=learner)
+
+
+@pytest.mark.parametrize("pose", [(math.nan, 0.0, 0.0), (0.0, 0.0, math.inf)])
+def test_an_unknown_pose_gives_no_confidence(fake_learner, pose):
+    bench = Bench(fake_learner(WAY, clock="progress")).at(*pose)
+    assert bench.confidence == 0.0
+    assert bench.mean_variance == math.inf
+    assert np.isnan(bench.intention.mean).all()
     assert bench.influence == [0.0, 0.0]

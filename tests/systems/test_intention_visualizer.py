@@ -9,7 +9,7 @@ from pydrake.common.value import Value
 
 from drake_shared.robots import DiffDrive
 from drake_shared.robots.motion import motion
-from drake_shared.systems.intention_estimator import EMPTY_INTENTION, Intention
+from drake_shared.systems.intention import EMPTY_INTENTION, Intention
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
 
 ROBOT = DiffDrive()

@@ -9,6 +9,7 @@ from pydrake.geometry import GeometryFrame, SceneGraph
 from drake_shared.systems.log_playback import LogPlayback
 
 TIMES = 0.05 * np.arange(4)
+SIZES = {"pose": 3, "human_weight": 1, "human_command": 2, "shared_command": 2}
 
 
 @pytest.fixture
@@ -18,7 +19,7 @@ def playback():
     frame = scene_graph.RegisterFrame(source, GeometryFrame("robot"))
     rows = {
         name: np.arange(4.0 * size).reshape(4, size) + 100 * index
-        for index, (name, size) in enumerate(LogPlayback.SIZES.items())
+        for index, (name, size) in enumerate(SIZES.items())
     }
     dut = LogPlayback(times=TIMES, rows=rows, frame=frame)
     return dut, rows, frame

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive
 from drake_shared.systems.mouse_input import MouseInput, MouseSample, StickSettings
 
@@ -227,9 +228,10 @@ def test_a_fresh_context_knows_nothing_of_the_last_trial(bench):
 
 @pytest.mark.parametrize("name", ["max_speed", "max_yaw_rate", "period", "stale_after", "max_displacement"])
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
-def test_refuses_numbers_that_mean_nothing(name, value):
-    with pytest.raises(ValueError, match=f"{name} must be positive and finite"):
+def test_numbers_out_of_range_are_refused(name, value):
+    with pytest.raises(InputError) as caught:
         Bench(FakeDriver(), **{name: value})
+    assert caught.value.field == name
 
 
 def idle_time(bench: Bench) -> float:
@@ -247,3 +249,24 @@ def test_idle_time_counts_from_the_last_event_and_not_from_the_last_sample(event
     assert idle_time(bench) == pytest.approx(200 * PERIOD)
     assert idle_time(bench.step(**event)) == 0.0
     assert idle_time(bench.step(4)) == pytest.approx(4 * PERIOD)
+
+
+def test_idle_time_is_infinite_until_somebody_touches_the_controls():
+    bench = Bench(FakeDriver())
+    assert idle_time(bench.step(4)) == math.inf
+    bench.step(engaged=True, engagement=1)
+    assert idle_time(bench) == 0.0
+    assert idle_time(bench.step(3)) == pytest.approx(3 * PERIOD)
+
+
+def test_a_driver_who_holds_the_controls_at_the_start_has_just_touched_them():
+    bench = Bench(FakeDriver(engaged=True, engagement=3))
+    assert idle_time(bench) == math.inf
+    assert idle_time(bench.step()) == 0.0
+
+
+def test_full_deflection_scales_with_the_robot():
+    small = DiffDrive(footprint_radius=0.0267, wheel_radius=0.00975, track=0.033, max_speed=0.12)
+    one, other = (MouseInput(robot=robot, source=FakeDriver()) for robot in (DiffDrive(), small))
+    assert one.max_speed == pytest.approx(0.8)
+    assert other.max_speed == pytest.approx(0.08)

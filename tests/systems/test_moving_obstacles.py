@@ -71,17 +71,16 @@ def test_x_and_y_may_be_left_to_the_path(open_floor):
 
 
 @pytest.mark.parametrize(
-    ("path", "said"),
+    "path",
     [
-        ([[0.0, 0.3, 0.0], [5.0, 3.0, 0.0]], "path must not start on the robot"),
-        ([[0.0, 2.0, 0.0], [0.0, 3.0, 0.0]], "path must go on in time"),
-        ([[0.0, 2.0, 0.0], [5.0, 3.0]], "path must be finite points [t, x, y]"),
-        ([[-1.0, 2.0, 0.0], [1.0, 3.0, 0.0]], "path must be at the obstacle's x and y at time 0"),
+        [[0.0, 0.3, 0.0], [5.0, 3.0, 0.0]],  # Starts on the robot.
+        [[0.0, 2.0, 0.0], [0.0, 3.0, 0.0]],  # Its times do not increase.
+        [[0.0, 2.0, 0.0], [5.0, 3.0]],
+        [[-1.0, 2.0, 0.0], [1.0, 3.0, 0.0]],  # Is elsewhere than x and y at time 0.
     ],
 )
-def test_a_path_that_cannot_be_is_refused(open_floor, path, said):
+def test_an_impossible_path_is_refused(open_floor, path):
     open_floor.obstacles = [cart(path)]
     with pytest.raises(InputError) as caught:
         check_scenario(open_floor)
-    assert said in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert caught.value.field == "obstacles: cart: path"

@@ -34,7 +34,7 @@ def test_rows_are_not_shifted_by_rounding_however_long_the_recording(step):
 def test_each_context_plays_its_own_recording(step):
     dut = RecordedInput(period=0.05)
     silent, other = dut.CreateDefaultContext(), dut.CreateDefaultContext()
-    dut.set_recording(other, ROWS)
+    dut.SetRecording(other, ROWS)
     assert played(dut, silent, step, 2) == [[0, 0], [0, 0]]
     assert played(dut, other, step, 2) == ROWS[:2].tolist()
 
@@ -52,18 +52,13 @@ def test_the_command_is_state():
     assert not dut.HasAnyDirectFeedthrough()
 
 
-@pytest.mark.parametrize(
-    ("commands", "said"),
-    [
-        (np.zeros((3, 3)), r"shape \(n, 2\), got \(3, 3\)"),
-        (np.zeros(4), r"shape \(n, 2\)"),
-        ([[1.0, math.nan]], "must be finite"),
-        ([[1.0, math.inf]], "must be finite"),
-    ],
-)
-def test_refuses_what_cannot_be_played(commands, said):
-    with pytest.raises(InputError, match=said):
-        RecordedInput(commands=commands)
+@pytest.mark.parametrize("commands", [np.zeros((3, 3)), np.zeros(4), [[1.0, math.nan]], [[1.0, math.inf]]])
+def test_commands_of_another_shape_or_not_finite_are_refused(commands):
     dut = RecordedInput()
-    with pytest.raises(InputError, match=said):
-        dut.set_recording(dut.CreateDefaultContext(), commands)
+    for play in (
+        lambda: RecordedInput(commands=commands),
+        lambda: dut.SetRecording(dut.CreateDefaultContext(), commands),
+    ):
+        with pytest.raises(InputError) as caught:
+            play()
+        assert caught.value.field == "commands"

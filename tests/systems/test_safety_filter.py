@@ -57,7 +57,7 @@ class Bench:
     def reset(self, x, y, yaw, wheels=(0.0, 0.0), steps=0) -> "Bench":
         self._steps = steps
         self.root.SetTime(steps * PERIOD)
-        self.plant.set_pose(self._plant_context, [x, y, yaw])
+        self.plant.SetPose(self._plant_context, [x, y, yaw])
         self._plant_context.SetDiscreteState(1, np.array(wheels, dtype=float))
         return self
 

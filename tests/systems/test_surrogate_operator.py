@@ -49,7 +49,7 @@ def commands(scenario, *, pose, behaviour=CALM, route=None, duration=2.0, noise=
     diagram = builder.Build()
     simulator = Simulator(diagram)
     route = scenario.routes[0] if route is None else scenario.route(route)
-    dut.set_behaviour(
+    dut.SetBehaviour(
         dut.GetMyMutableContextFromRoot(simulator.get_mutable_context()), route=route, behaviour=behaviour
     )
     simulator.AdvanceTo(duration)
@@ -351,7 +351,7 @@ def test_noise_is_reproducible_from_the_random_context(scenario):
 def test_route_and_behaviour_belong_to_the_context(scenario):
     dut = SurrogateOperator(scenario=scenario)
     contexts = [dut.CreateDefaultContext() for _ in range(2)]
-    dut.set_behaviour(contexts[0], route=scenario.route("right_left"), behaviour=CALM)
+    dut.SetBehaviour(contexts[0], route=scenario.route("right_left"), behaviour=CALM)
     for context in contexts:
         dut.GetInputPort("pose").FixValue(context, BasicVector([1.0, 0.0, 0.0]))
         dut.GetInputPort("noise").FixValue(context, [0.0, 0.0])

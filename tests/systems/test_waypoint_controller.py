@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from pydrake.common.value import Value
 
+from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive
 from drake_shared.robots.motion import motion
-from drake_shared.systems.intention_estimator import EMPTY_INTENTION, Intention
+from drake_shared.systems.intention import EMPTY_INTENTION, Intention
 from drake_shared.systems.waypoint_controller import WaypointController
 
 ROBOT = DiffDrive()
@@ -92,7 +93,7 @@ def test_at_the_waypoint_it_stands_still():
 @pytest.mark.parametrize(
     "intention", [EMPTY_INTENTION, going_to(math.nan, 0.0), going_to(0.0, math.nan), going_to(math.inf, 0.0)]
 )
-def test_what_is_no_number_is_passed_on_as_none(intention):
+def test_an_intention_of_nan_gives_a_command_of_nan(intention):
     assert all(map(math.isnan, command([0, 0, 0], intention)))
 
 
@@ -106,7 +107,7 @@ def test_takes_the_position_a_look_ahead_after_now():
         assert speed == pytest.approx(0.5)
 
 
-def test_positions_between_the_times_of_the_grid_are_interpolated_and_held_at_the_ends():
+def test_positions_are_interpolated_between_the_times_of_the_grid_and_held_at_its_ends():
     intention = Intention(
         time=1.0,
         times=np.arange(5.0),
@@ -114,10 +115,10 @@ def test_positions_between_the_times_of_the_grid_are_interpolated_and_held_at_th
         variance=np.ones((5, 2)),
         first=2,
     )
-    assert intention.position(2.5) == pytest.approx((3.0, 0.5))
-    assert intention.position(3.0) == (4.0, 1.0)
-    assert intention.position(1.2) == (2.0, 0.0)
-    assert intention.position(99.0) == (5.0, 5.0)
+    assert intention.position_at(2.5) == pytest.approx((3.0, 0.5))
+    assert intention.position_at(3.0) == (4.0, 1.0)
+    assert intention.position_at(1.2) == (2.0, 0.0)
+    assert intention.position_at(99.0) == (5.0, 5.0)
 
 
 def test_feeds_through_without_state():
@@ -127,6 +128,13 @@ def test_feeds_through_without_state():
 
 
 @pytest.mark.parametrize("look_ahead", [0.0, -0.6, math.nan, math.inf])
-def test_refuses_a_look_ahead_that_means_nothing(look_ahead):
-    with pytest.raises(ValueError, match="look_ahead must be positive and finite"):
+def test_a_look_ahead_out_of_range_is_refused(look_ahead):
+    with pytest.raises(InputError) as caught:
         WaypointController(robot=ROBOT, look_ahead=look_ahead)
+    assert caught.value.field == "look_ahead"
+
+
+def test_something_other_than_a_robot_is_refused():
+    with pytest.raises(InputError) as caught:
+        WaypointController(robot=None)
+    assert caught.value.source == "robot"

@@ -1,0 +1,129 @@
+"""A learner with its clock, its queries and checks of its predictions."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drake_shared.common.errors import InputError, RunError
+from drake_shared.demonstrations import ProgressClock
+from drake_shared.learners import Learner
+from drake_shared.learners.modes import Modes
+from drake_shared.robots import Robot, scaled_length
+
+Array = NDArray[np.float64]
+
+MOMENTS = 8
+"""Number of moments, evenly spread over the task, at which the expected position is compared."""
+
+# Demonstrated points whose distances differ by less are equally near, in [m] for the Pioneer P3-DX.
+_CLOCK_TOLERANCE = 0.03
+
+
+class PreparedLearner:
+    """A learner as the intention estimator uses it.
+
+    Args:
+        learner: Its metadata choose the clock ("clock": "progress" or "time") and the evidence ("evidence":
+            "pose+command" lets the human's command count as an observation).
+        robot: Gives D, the size of a position, and the scale of tolerances.
+        use_human_command: False ignores the human's command whatever the metadata choose.
+
+    Raises:
+        InputError: The learner has demonstrations of another size of position.
+    """
+
+    def __init__(self, learner: Learner, robot: Robot, *, use_human_command: bool = True) -> None:
+        self.learner = learner
+        self.grid = np.asarray(learner.grid)
+        self.duration = float(self.grid[-1])
+        self._times = self.grid.tolist()
+        # The queries that are still to come, from each index on: views made once rather than in every step.
+        self.later = [self.grid[first:] for first in range(len(self.grid))]
+        size = self._size = len(robot.position_names)
+        taught = learner.demonstrations
+        if taught is not None and taught.shape[-1] != size:
+            expected = f"must predict positions of size {size}, as {type(robot).__name__} has"
+            raise InputError(f"learner {learner.name!r}", "", expected, taught.shape[-1])
+        self.clock = None
+        if learner.metadata.get("clock") == "progress" and taught is not None:
+            self.clock = ProgressClock(self.grid, taught, tolerance=scaled_length(robot, _CLOCK_TOLERANCE))
+        self._predict_modes = getattr(learner, "predict_modes", None)
+        self._predict_prefixes = getattr(learner, "predict_prefixes", None)
+        self.uses_command = use_human_command and learner.metadata.get("evidence") == "pose+command"
+        moments = np.linspace(0, len(self.grid) - 1, MOMENTS + 1).round().astype(int)[1:]
+        # Indices of the coordinates at the moments in a flat array of a whole grid.
+        self.moments = (size * moments[:, None] + np.arange(size)).ravel()
+        self._unknown = np.full((len(self.grid), size), math.nan)
+
+    def predict(
+        self, times: list[float], positions: list[tuple[float, ...]], later: Array, *, now: float
+    ) -> tuple[list[tuple[Array, Array]], Modes | None]:
+        """Predictions after the first observation, after the first two, and so on.
+
+        Args:
+            times: Of the observations, in [s].
+            positions: Positions (D,) of the observations, in [m].
+            later: Shape (Q,), query times, in [s].
+            now: Time in the trial, in [s], for the message of an error.
+
+        Returns:
+            Mean (Q, D), in [m], and variance (Q, D), in [m^2], of each prediction; the modes after all
+            observations, if the learner predicts several.
+
+        Raises:
+            RunError: The learner raised an exception, or its prediction has another shape, a variance that is
+                not positive, or shares memory with another one.
+        """
+        cause: Exception | None = None
+        try:
+            predictions, modes = self._predict(np.array(times), np.array(positions), later)
+            fault = self._fault(predictions, (len(later), self._size))
+        except Exception as error:  # Learners from outside this package may raise anything.
+            fault, cause = f"raised {type(error).__name__}: {error}", error
+        else:
+            if not fault:
+                return predictions, modes
+        raise RunError(f"learner {self.learner.name!r} at t = {now:.3f} s {fault}") from cause
+
+    @staticmethod
+    def _fault(predictions: list[tuple[Array, Array]], shape: tuple[int, int]) -> str:
+        """How the predictions break the contract; empty if they keep it."""
+        for mean, variance in predictions:
+            if mean.shape != shape or variance.shape != shape:
+                got = f"{mean.shape} and {variance.shape}"
+                return f"must predict mean and variance of shape {shape}, got {got}"
+            # NaN means "unknown" and passes.
+            if variance.min() <= 0.0:
+                return f"must predict a positive variance, got {float(variance.min()):g}"
+        if len(predictions) > 1 and np.may_share_memory(predictions[0][0], predictions[1][0]):
+            return "must return fresh arrays, not views of one buffer"
+        return ""
+
+    def _predict(
+        self, times: Array, positions: Array, later: Array
+    ) -> tuple[list[tuple[Array, Array]], Modes | None]:
+        if self._predict_modes is not None:
+            told = [self._predict_modes(times[:n], positions[:n], later) for n in range(1, len(times) + 1)]
+            return [(mean, variance) for mean, variance, _ in told], told[-1][2]
+        if self._predict_prefixes is not None:
+            return self._predict_prefixes(times, positions, later), None
+        predict = self.learner.predict
+        return [predict(times[:n], positions[:n], later) for n in range(1, len(times) + 1)], None
+
+    def first_after(self, now: float) -> int:
+        """Index of the first query later than ``now``, in [s]; the last index if there is none."""
+        return min(bisect_right(self._times, now + 1e-9), len(self._times) - 1)
+
+    def padded(self, later: Array) -> Array:
+        """A whole grid (N, D) that ends with the rows ``later`` (Q, D) and holds NaN before them."""
+        whole = self._unknown.copy()
+        whole[len(whole) - len(later) :] = later
+        return whole
+
+    def __deepcopy__(self, memo: dict[int, object]) -> PreparedLearner:
+        # A Context is cloned with its parameters; a learner never changes, so that one object serves all.
+        return self
