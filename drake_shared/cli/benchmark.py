@@ -32,8 +32,8 @@ class Benchmark:
 
     def run(self) -> None:
         """Does it."""
+        from drake_shared.experiments.benchmark.common import Setup
         from drake_shared.experiments.benchmark.groups import GROUPS, run_benchmark
-        from drake_shared.experiments.benchmark.test_tasks import Setting
 
         unknown = [name for name in self.only if name not in GROUPS]
         if unknown:
@@ -44,19 +44,20 @@ class Benchmark:
             raise InputError("benchmark", "demos", "must be given together with --test-demos")
         if self.out is not None:
             check_writable(self.out)
-        setting = Setting(
+        setup = Setup(
             quick=self.quick,
             repeats=self.repeats or (5 if self.quick else 15),
-            demonstrations=self.demos,
-            test_demonstrations=self.test_demos,
-            say=say,
+            training_file=self.demos,
+            test_file=self.test_demos,
+            progress=say,
         )
-        setting.read_training()
-        report = run_benchmark(setting, self.only or tuple(GROUPS))
+        # Invalid files are reported before anything is measured.
+        setup.read_files()
+        report = run_benchmark(setup, self.only or tuple(GROUPS))
         if self.json:
             print_json(report.to_json())
         else:
-            from drake_shared.experiments.benchmark.text import describe
+            from drake_shared.experiments.benchmark.table import describe
 
             print("\n".join(describe(report)))
         if self.out is not None:

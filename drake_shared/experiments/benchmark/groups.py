@@ -1,123 +1,69 @@
-"""The groups of the benchmark, run one after another, and what they are run on."""
+"""The groups of the benchmark and the machine that they run on."""
 
 from __future__ import annotations
 
-import dataclasses
+import importlib
 import importlib.metadata
 import os
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from threadpoolctl import threadpool_info
 
-from drake_shared.experiments.benchmark.results import GroupResult
-from drake_shared.experiments.benchmark.test_tasks import Setting
+from drake_shared.experiments.benchmark.common import Setup
+from drake_shared.experiments.benchmark.results import GroupResult, Report
 
-FORMAT = "drake_shared.benchmark"
-VERSION = 1
-PACKAGES = (
-    *("drake_shared", "drake", "numpy", "torch", "onnx", "onnxruntime"),
-    *("ir-sim", "scikit-learn", "movement_primitives"),
-)
-
-
-def _predict(setting: Setting) -> GroupResult:
-    from drake_shared.experiments.benchmark import predict
-
-    return predict.run(setting)
-
-
-def _trial(setting: Setting) -> GroupResult:
-    from drake_shared.experiments.benchmark import trial
-
-    return trial.run(setting)
-
-
-def _training(setting: Setting) -> GroupResult:
-    from drake_shared.experiments.benchmark import training
-
-    return training.run(setting)
-
-
-def _batch(setting: Setting) -> GroupResult:
-    from drake_shared.experiments.benchmark import batch
-
-    return batch.run(setting)
-
-
-def _growth(setting: Setting) -> GroupResult:
-    from drake_shared.experiments.benchmark import growth
-
-    return growth.run(setting)
-
-
-def _safety(setting: Setting) -> GroupResult:
-    from drake_shared.experiments.benchmark import safety
-
-    return safety.run(setting)
-
-
-# Each imports what it needs when it is run: torch, for one, is slow to import.
-GROUPS: dict[str, Callable[[Setting], GroupResult]] = {
-    "predict": _predict,
-    "trial": _trial,
-    "training": _training,
-    "batch": _batch,
-    "growth": _growth,
-    "safety": _safety,
+GROUPS = {
+    "predict": "predict",
+    "trial": "trial",
+    "training": "training",
+    "batch": "batch",
+    "growth": "growth",
+    "safety": "safety_filter",
 }
+"""Names of the groups, in the order in which they run, and their modules."""
+
+_PACKAGES = [
+    "drake_shared",
+    "drake",
+    "numpy",
+    "torch",
+    "onnx",
+    "onnxruntime",
+    "ir-sim",
+    "movement_primitives",
+]
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Report:
-    """What a run of the benchmark found.
-
-    Attributes:
-        quick: Whether it was a quick one.
-        repeats: How often contenders took turns.
-        seconds: How long it took, in [s].
-        machine: What it ran on, and how busy that was.
-        versions: Of the packages that took part; None for those that are not installed.
-        groups: The findings.
-    """
-
-    quick: bool
-    repeats: int
-    seconds: float
-    machine: dict[str, Any]
-    versions: dict[str, str | None]
-    groups: list[GroupResult]
-
-    def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
-        described = dataclasses.asdict(self)
-        described["groups"] = {group.name: group.to_json() for group in self.groups}
-        return {"format": FORMAT, "version": VERSION, **described}
-
-
-def run_benchmark(setting: Setting, groups: Sequence[str] = tuple(GROUPS)) -> Report:
-    """Runs the groups named, in their own order."""
-    begun, load = time.perf_counter(), load_average()
-    found = []
-    for name, run in GROUPS.items():
-        if name in groups:
-            setting.say(f"{name} ...")
-            found.append(run(setting))
+def run_benchmark(setup: Setup, names: Sequence[str] = tuple(GROUPS)) -> Report:
+    """Runs the groups of these names, in the order of `GROUPS`."""
+    start, load = time.perf_counter(), _load_average()
+    results = {}
+    for name in GROUPS:
+        if name in names:
+            setup.progress(f"{name} ...")
+            results[name] = run_group(name, setup)
     return Report(
-        quick=setting.quick,
-        repeats=setting.repeats,
-        seconds=round(time.perf_counter() - begun, 1),
-        machine={**describe_machine(), "load_before": load, "load_after": load_average()},
-        versions={name: _version(name) for name in PACKAGES},
-        groups=found,
+        quick=setup.quick,
+        repeats=setup.repeats,
+        seconds=round(time.perf_counter() - start, 1),
+        machine={**_describe_machine(), "load_before": load, "load_after": _load_average()},
+        versions={package: _version(package) for package in _PACKAGES},
+        groups=results,
     )
 
 
-def describe_machine() -> dict[str, Any]:
-    """Processor, its number of cores, system, Python, and the BLAS that numpy uses."""
+def run_group(name: str, setup: Setup) -> GroupResult:
+    """Runs one group."""
+    module = importlib.import_module(f"drake_shared.experiments.benchmark.{GROUPS[name]}")
+    result: GroupResult = module.run(setup)
+    return result
+
+
+def _describe_machine() -> dict[str, Any]:
     blas = [item for item in threadpool_info() if item["user_api"] == "blas"]
     return {
         "processor": _processor(),
@@ -128,8 +74,8 @@ def describe_machine() -> dict[str, Any]:
     }
 
 
-def load_average() -> float | None:
-    """Processes that wanted to run, on average over the last minute; None where the system does not tell."""
+def _load_average() -> float | None:
+    """Mean number of runnable processes over the last minute; None if the system does not report it."""
     return round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
 
 

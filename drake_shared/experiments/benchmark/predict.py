@@ -1,85 +1,77 @@
-"""Group 1: a prediction from one observation, against the same arithmetic by other means."""
+"""Group 1: a prediction from one observation, compared with the same arithmetic in other libraries."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-import torch
 
-from drake_shared.experiments.benchmark.predictors import (
-    BareProducts,
+from drake_shared.experiments.benchmark.common import Setup, with_grid
+from drake_shared.experiments.benchmark.networks import (
     Network,
-    PlainProducts,
     Predictor,
     make_compiled,
     make_onnx,
-    make_plain_torch,
+    make_products,
+    make_published,
     make_torch,
 )
-from drake_shared.experiments.benchmark.results import GroupResult, Ratio
-from drake_shared.experiments.benchmark.test_tasks import Setting, with_grid
-from drake_shared.experiments.benchmark.timing import Seconds, Task, interleave, ratio, spread
+from drake_shared.experiments.benchmark.results import GroupResult, Ratio, make_ratio
+from drake_shared.experiments.benchmark.timing import Spread, Task, interleave, one_thread, spread
 from drake_shared.learners.cnmp.learner import CnmpLearner
+from drake_shared.learners.cnmp.model import CnmpModel
 
 QUERIES = 301
 """Every control step of 15 s."""
 OURS = "drake_shared"
 BARE = "bare products"
-PLAIN = "bare products of the plain network"
-ALONE = ", network alone"
+PUBLISHED_BARE = "bare products of the plain network"
+NETWORK_ALONE = ", network alone"
 
 _METHOD = (
-    "A CNMP of the shipped size on a grid of 301 queries (0.05 s), shown one point of a demonstration, "
-    "asked for all queries or the last half of them; one thread. Every contender takes the observation "
-    "and returns mean and variance in metres as numpy arrays, with the same code around its network "
-    "('network alone' is without that code); ours also adds what distance from the demonstrations does. "
-    "'torch eager' is the network as published codes have it; the others have the time part of the "
-    "decoder's first layer computed beforehand, as we do. The bare products are the matrix products of "
-    "the same arrays, into float32 arrays made beforehand, and nothing else; those of the plain network "
-    "are what they would be without that."
+    "A CNMP of the shipped size on a grid of 301 queries (0.05 s) predicts all queries, or the last half "
+    "of them, from one point of a demonstration, on one thread. Every contender takes the observation and "
+    "returns mean and variance in metres as numpy arrays, with the same code around its network ('network "
+    "alone' is without that code); drake_shared also adds the variance for unfamiliar positions. 'torch "
+    "eager' is the network as published codes have it; the others precompute the time part of the "
+    "decoder's first layer, as drake_shared does. The bare products are the matrix products of the same "
+    "sizes in float32, into arrays allocated in advance, and nothing else; those of the plain network are "
+    "without the precomputed part."
 )
 
 
-def run(setting: Setting) -> GroupResult:
-    """Measures it."""
-    learner = with_grid(setting.cnmp, QUERIES)
-    block = 0.01 if setting.quick else 0.05
+def run(setup: Setup) -> GroupResult:
+    """Runs the group."""
+    learner = with_grid(setup.cnmp, QUERIES)
     ratios: list[Ratio] = []
-    seconds: dict[str, Seconds] = {}
+    seconds: dict[str, Spread] = {}
     absent: dict[str, str] = {}
-    with one_torch_thread():
-        for first in (0, QUERIES // 2 + 1):
-            count = QUERIES - first
-            contenders, missing = make_contenders(learner, first, compiled=not setting.quick)
-            absent |= missing
-            found = interleave(contenders, repeats=setting.repeats, block=block)
-            for name, values in found.items():
-                seconds[f"{name}, {count} queries"] = values
-            ours = found[OURS]
-            for name in (BARE, PLAIN):
-                to_bare = ratio(ours, found[name])
-                ratios.append(
-                    Ratio(name=f"{OURS} / {name}, {count} queries", spread=to_bare, aim="at most 2")
-                )
-            for name in found:
-                if name not in (OURS, BARE, PLAIN) and not name.endswith(ALONE):
-                    aim = "at least 4" if name == "torch eager" else ""
-                    slower = ratio(found[name], ours)
-                    ratios.append(Ratio(name=f"{name} / {OURS}, {count} queries", spread=slower, aim=aim))
+    for first in (0, QUERIES // 2 + 1):
+        note = f", {QUERIES - first} queries"
+        with one_thread():
+            contenders, missing = make_contenders(learner, first, compiled=not setup.quick)
+            found = interleave(contenders, repeats=setup.repeats, block=0.01 if setup.quick else 0.05)
+        absent |= missing
+        seconds |= {name + note: spread(values) for name, values in found.items()}
+        for name in (BARE, PUBLISHED_BARE):
+            ratios.append(make_ratio(found, OURS, name, aim="at most 2", note=note))
+        for name in found:
+            if name not in (OURS, BARE, PUBLISHED_BARE) and not name.endswith(NETWORK_ALONE):
+                aim = "at least 4" if name == "torch eager" else ""
+                ratios.append(make_ratio(found, name, OURS, aim=aim, note=note))
+    model = learner.model
     return GroupResult(
         name="predict",
         method=_METHOD,
         ratios=ratios,
-        seconds={name: spread(values) for name, values in seconds.items()},
+        seconds=seconds,
         absent=absent,
         details={
-            "encoder": [int(bias.size) for _, bias in learner.model.encoder],
-            "aggregation": learner.model.aggregation,
-            "decoder": [int(bias.size) for _, bias in learner.model.decoder],
-            "harmonics": learner.model.harmonics,
+            "encoder": [int(bias.size) for _, bias in model.encoder],
+            "aggregation": model.aggregation,
+            "decoder": [int(bias.size) for _, bias in model.decoder],
+            "harmonics": model.harmonics,
         },
     )
 
@@ -87,58 +79,38 @@ def run(setting: Setting) -> GroupResult:
 def make_contenders(
     learner: CnmpLearner, first: int, *, compiled: bool = True
 ) -> tuple[dict[str, Task], dict[str, str]]:
-    """What to time for the queries of the grid from ``first`` on, and why the others are absent.
+    """The tasks to time for the queries from ``first`` on, and the reasons why others are absent.
 
     Args:
-        learner: Ours.
-        first: Index of the first query.
+        learner: The learner to compare.
+        first: Index of the first query on its grid.
         compiled: Whether torch.compile takes part; compiling takes most of a minute.
     """
     model = learner.model
     time, position = float(model.grid[first]), model.demonstrations[0, first]
-    times, positions, queries = np.array([time]), position[None], learner.grid[first:]
-    bare = Predictor(model, first, BareProducts)
-    assert isinstance(bare.network, BareProducts)
-    bare.predict(time, position)
     contenders: dict[str, Task] = {
-        OURS: partial(learner.predict, times, positions, queries),
-        BARE: bare.network.multiply,
-        PLAIN: PlainProducts(model, first).multiply,
+        OURS: partial(learner.predict, np.array([time]), position[None], learner.grid[first:]),
+        BARE: make_products(model, first, precompute=True),
+        PUBLISHED_BARE: make_products(model, first, precompute=False),
     }
-    absent: dict[str, str] = {}
-    others: dict[str, Callable[..., Network]] = {
-        "torch eager": make_plain_torch,
+    others: dict[str, Callable[[CnmpModel, int], Network]] = {
+        "torch eager": make_published,
         "torch eager, time part kept": make_torch,
         "onnxruntime": make_onnx,
+        "torch.compile": make_compiled,
     }
-    if compiled:
-        others["torch.compile"] = make_compiled
-    else:
-        absent["torch.compile"] = "left out of a quick run: compiling takes long"
+    absent: dict[str, str] = {}
+    if not compiled:
+        del others["torch.compile"]
+        absent["torch.compile"] = "not in a quick run: compiling takes most of a minute"
     for name, make in others.items():
         try:
             predictor = Predictor(model, first, make)
             encoded = predictor.encode(time, position)
             predictor.network(encoded)
-        except Exception as error:  # What a compiler or a runtime raises is its own affair.
-            absent[name] = _one_line(error)
+        except Exception as error:  # Compilers and runtimes raise exceptions of many types.
+            absent[name] = f"{type(error).__name__}: {str(error).strip().partition(chr(10))[0]}"
             continue
         contenders[name] = partial(predictor.predict, time, position)
-        contenders[f"{name}{ALONE}"] = partial(predictor.network, encoded)
+        contenders[f"{name}{NETWORK_ALONE}"] = partial(predictor.network, encoded)
     return contenders, absent
-
-
-@contextmanager
-def one_torch_thread() -> Iterator[None]:
-    """A second thread makes networks this small slower."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
-
-
-def _one_line(error: Exception) -> str:
-    text = str(error).strip().splitlines()
-    return f"{type(error).__name__}: {text[0] if text else ''}"

@@ -1,26 +1,27 @@
-"""What a group of the benchmark found, in one shape for file, figure and reader."""
+"""Results of the benchmark: the same types for file, figure and table."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from drake_shared.experiments.benchmark.timing import Spread, exponent, spread
+from drake_shared.experiments.benchmark.timing import Seconds, Spread, exponent, spread
+
+FORMAT, VERSION = "drake_shared.benchmark", 1
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Ratio:
-    """One finding: how something compares.
+    """A ratio of two contenders.
 
     Attributes:
-        name: What is divided by what.
-        spread: Of the ratio over the repeats.
-        aim: What it should be, such as "at most 2"; empty where nothing is asked.
-        bound: "" or, where a contender did not finish, "at least" or "at most".
+        name: Numerator and denominator.
+        spread: Over the repeats.
+        aim: The value to reach, such as "at most 2"; may be empty.
+        bound: "at least" or "at most" if a contender did not finish; else empty.
     """
 
     name: str
@@ -31,15 +32,15 @@ class Ratio:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Curve:
-    """How something grows.
+    """Growth of a computing time with a size.
 
     Attributes:
         name: What is timed, with its unit.
         size: What grows.
         sizes: Shape (n,).
         seconds: The spread at each size.
-        exponent: p of the best fit c size^p over all sizes.
-        last_exponent: The same between the last two sizes: what a constant share no longer hides.
+        exponent: p of the best fit c size^p.
+        last_exponent: The same for the last two sizes only, where constant parts matter least.
     """
 
     name: str
@@ -52,11 +53,11 @@ class Curve:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Trace:
-    """How an error falls with time.
+    """Decrease of a learner's error with training time.
 
     Attributes:
-        name: Whose.
-        seconds: Shape (n,), CPU time, in [s].
+        name: The learner.
+        seconds: CPU time, shape (n,), in [s].
         errors: Shape (n,), in [m].
     """
 
@@ -67,17 +68,15 @@ class Trace:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class GroupResult:
-    """All that a group found.
+    """Results of a group.
 
     Attributes:
-        name: Of the group.
+        name: The group.
         method: How it was measured, in a few sentences.
-        ratios: The findings.
-        seconds: CPU time of each contender, in [s], as far as that says anything.
-        curves: How things grow.
-        traces: How errors fall.
-        absent: Each contender that did not take part, with the reason.
-        details: Whatever else there is to know.
+        ratios, curves, traces: The results.
+        seconds: CPU time of each contender, in [s].
+        absent: The reason why a contender did not take part, by its name.
+        details: Further results of this group.
     """
 
     name: str
@@ -89,12 +88,41 @@ class GroupResult:
     absent: dict[str, str] = dataclasses.field(default_factory=dict)
     details: dict[str, Any] = dataclasses.field(default_factory=dict)
 
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Report:
+    """Results of a run of the benchmark.
+
+    Attributes:
+        quick: Whether it was a quick run.
+        repeats: How often each contender was timed.
+        seconds: Duration of the run, in [s].
+        machine: Processor, system, Python, BLAS, and load before and after.
+        versions: Of the packages that took part; None if one is not installed.
+        groups: Results by group.
+    """
+
+    quick: bool
+    repeats: int
+    seconds: float
+    machine: dict[str, Any]
+    versions: dict[str, str | None]
+    groups: dict[str, GroupResult]
+
     def to_json(self) -> dict[str, Any]:
-        """As JSON can hold it."""
-        return dataclasses.asdict(self)
+        """The report as JSON-serializable data."""
+        return {"format": FORMAT, "version": VERSION, **dataclasses.asdict(self)}
 
 
-def make_curve(name: str, size: str, sizes: Sequence[int], seconds: Sequence[NDArray[np.float64]]) -> Curve:
+def make_ratio(
+    seconds: Mapping[str, Seconds], numerator: str, denominator: str, *, aim: str = "", note: str = ""
+) -> Ratio:
+    """The ratio of two contenders' times (n,), formed repeat by repeat so that common disturbances cancel."""
+    values = spread(seconds[numerator] / seconds[denominator])
+    return Ratio(name=f"{numerator} / {denominator}{note}", spread=values, aim=aim)
+
+
+def make_curve(name: str, size: str, sizes: Sequence[int], seconds: Sequence[ArrayLike]) -> Curve:
     """A curve from the repeats (n,) at each size."""
     spreads = [spread(values) for values in seconds]
     medians = [item.median for item in spreads]

@@ -1,4 +1,4 @@
-"""Demonstrations to learn routes from and to test with, and how far a prediction is off."""
+"""Demonstrations to train on and to test with, and the error of predictions."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from numpy.typing import NDArray
 from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners.dataset import resample
+from drake_shared.operators.behaviour import Behaviour
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.trial import Simulation, TrialSettings
-from drake_shared.systems.surrogate_operator import Behaviour
 
 Array = NDArray[np.float64]
 
 NOISE = 0.03
 """Standard deviation of an observed position, in [m] along each axis."""
-APART = 0.15
-"""Routes are apart where they leave a gap of so many metres in x or y."""
+MIN_SEPARATION = 0.15
+"""Routes count as separate where they leave a gap of this size in x or y, in [m]."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class Routes:
-    """Demonstrations to train on, and cases to test with: a single observation where routes are apart.
+class RouteData:
+    """Demonstrations to train on, and test cases of one observation each where routes are separate.
 
     Attributes:
-        training: What to train on.
+        training: The demonstrations to train on.
         grid: Shape (N,), in [s].
-        paths: Shape (m, N, 2), the training demonstrations on the grid, in [m].
-        steps: Shape (C,), at which step of the grid each observation was made.
-        observed: Shape (C, 2), where, noise included, in [m].
-        truth: Shape (C, N, 2), the demonstration that was observed, in [m].
+        paths: The same demonstrations on the grid: shape (m, N, 2), in [m].
+        steps: Index on the grid of each case's observation: shape (C,).
+        observed: Observed positions with noise: shape (C, 2), in [m].
+        truth: The demonstration of each case: shape (C, N, 2), in [m].
     """
 
     training: Demonstrations
@@ -43,42 +43,40 @@ class Routes:
     truth: Array
 
     def error(self, means: Array) -> float:
-        """Root of the mean squared distance of ``means`` (C, N, 2) from the truth, in [m]."""
+        """Root mean squared distance of ``means`` (C, N, 2) from the truth, in [m]."""
         return float(np.sqrt(np.square(means - self.truth).sum(axis=-1).mean()))
 
 
-def make_routes(training: Demonstrations, test: Demonstrations, *, steps: int = 151) -> Routes:
-    """Puts demonstrations on one grid and makes the test's cases: every third step at which routes are apart.
+def make_route_data(training: Demonstrations, test: Demonstrations, *, steps: int = 151) -> RouteData:
+    """Resamples demonstrations to one grid and makes a case at every third step where routes are separate.
 
     Raises:
-        InputError: The routes of the test are nowhere apart.
+        InputError: The routes of the test are nowhere separate.
     """
     last = max(float(item.times[-1] - item.times[0]) for item in (*training, *test))
     grid = np.linspace(0.0, last, steps)
-    paths = np.stack([resample(item, grid) for item in training])
     tested = np.stack([resample(item, grid) for item in test])
     gap = np.diff(np.sort(tested, axis=0), axis=0).max(axis=(0, 2), initial=0.0)
-    informative = np.flatnonzero(gap > APART)[::3]
+    informative = np.flatnonzero(gap > MIN_SEPARATION)[::3]
     if not len(informative):
-        expected = f"must hold routes that are more than {APART} m apart somewhere"
+        expected = f"must hold routes that are more than {MIN_SEPARATION} m apart somewhere"
         raise InputError(test.source, "", expected)
-    which = np.repeat(np.arange(len(tested)), len(informative))
-    when = np.tile(informative, len(tested))
+    case, when = np.repeat(np.arange(len(tested)), len(informative)), np.tile(informative, len(tested))
     noise = NOISE * np.random.default_rng(0).standard_normal((len(when), 2))
-    return Routes(
+    return RouteData(
         training=training,
         grid=grid,
-        paths=paths,
+        paths=np.stack([resample(item, grid) for item in training]),
         steps=when,
-        observed=tested[which, when] + noise,
-        truth=tested[which],
+        observed=tested[case, when] + noise,
+        truth=tested[case],
     )
 
 
 def drive_routes(scenario: Scenario, *, count: int, seed: int = 0) -> Demonstrations:
-    """Demonstrations by the simulated operator along the routes in turn, scaled to an extent of 1 m.
+    """Demonstrations of the routes in turn by the simulated operator, scaled to an extent of 1 m.
 
-    The operator is noisy, so that no two are alike; drives that fail are left out and driven again.
+    The operator is noisy, so that all differ; drives that fail are repeated with another seed.
     """
     simulation = Simulation(scenario)
     behaviour = Behaviour(noise=0.6)

@@ -1,13 +1,15 @@
-"""Fair timing on a machine that has other things to do: contenders take turns, and only ratios count."""
+"""Timing on a shared machine: contenders take turns, and only ratios within one run are compared."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 
 import numpy as np
+import torch
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
@@ -17,7 +19,7 @@ Seconds = NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Spread:
-    """The median of repeats, and where the middle 80% of them lie.
+    """Distribution of a value over repeats.
 
     Attributes:
         median, low, high: The 50th, 10th and 90th percentile.
@@ -36,30 +38,36 @@ def spread(values: ArrayLike) -> Spread:
     return Spread(median=median, low=low, high=high, count=int(np.size(values)))
 
 
-def ratio(of: Seconds, to: Seconds) -> Spread:
-    """The spread of the ratio of two contenders (n,), taken repeat by repeat: what slows one slows both."""
-    return spread(of / to)
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Limits BLAS and torch to one thread: a second one slows down networks of this size."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with threadpool_limits(1):
+            yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 def interleave(contenders: Mapping[str, Task], *, repeats: int, block: float = 0.02) -> dict[str, Seconds]:
-    """CPU seconds of a call of each contender, on one thread, in each of the repeats.
+    """CPU time per call of each contender, on one thread, in each repeat.
 
-    In every repeat each contender is called, in turn and in an order that rotates, for about ``block`` s. CPU
-    time of this process is what counts, so that another process costs neither of them anything but its share
-    of the caches.
+    In every repeat each contender is called for about ``block`` seconds, in an order that rotates. CPU time
+    of this process is measured, so that other processes affect it through shared caches only.
 
     Args:
-        contenders: Called without arguments; each is called at least once before it is timed.
-        repeats: How often the turn goes round.
-        block: Least time of one measurement, in [s].
+        contenders: Functions without arguments; each is called at least once before it is timed.
+        repeats: Number of repeats.
+        block: Minimum duration of one measurement, in [s].
 
     Returns:
         Shape (repeats,) for each contender, in [s].
     """
     names = list(contenders)
     seconds = {name: np.empty(repeats) for name in names}
-    with threadpool_limits(1):
-        calls = {name: _calls(task, block) for name, task in contenders.items()}
+    with one_thread():
+        calls = {name: _number_of_calls(task, block) for name, task in contenders.items()}
         for index in range(repeats):
             for name in names[index % len(names) :] + names[: index % len(names)]:
                 seconds[name][index] = _time(contenders[name], calls[name])
@@ -67,13 +75,12 @@ def interleave(contenders: Mapping[str, Task], *, repeats: int, block: float = 0
 
 
 def exponent(sizes: ArrayLike, seconds: ArrayLike) -> float:
-    """The p of seconds = c sizes^p that fits best: least squares on the logarithms; shapes (n,), n >= 2."""
+    """The p of the best fit c sizes^p to ``seconds``: least squares on logarithms; shapes (n,), n >= 2."""
     slope, _ = np.polyfit(np.log(np.asarray(sizes, dtype=float)), np.log(seconds), 1)
     return float(slope)
 
 
-def _calls(task: Task, block: float) -> int:
-    """How often to call ``task`` to spend at least ``block`` s."""
+def _number_of_calls(task: Task, block: float) -> int:
     task()
     calls = 1
     while (spent := calls * _time(task, calls)) < block:
@@ -82,7 +89,7 @@ def _calls(task: Task, block: float) -> int:
 
 
 def _time(task: Task, calls: int) -> float:
-    begun = time.process_time()
+    start = time.process_time()
     for _ in range(calls):
         task()
-    return (time.process_time() - begun) / calls
+    return (time.process_time() - start) / calls

@@ -1,38 +1,36 @@
-"""A setting for a quick benchmark, with one learner for all tests."""
+"""Setup of a quick benchmark, with one learner for all tests."""
 
 import math
 
 import pytest
-from threadpoolctl import threadpool_limits
 
-from drake_shared.experiments.benchmark import test_tasks as setting_module
-from drake_shared.experiments.benchmark.predict import one_torch_thread
+from drake_shared.experiments.benchmark import common
+from drake_shared.experiments.benchmark.common import Setup
 from drake_shared.experiments.benchmark.results import GroupResult
-from drake_shared.experiments.benchmark.test_tasks import Setting
+from drake_shared.experiments.benchmark.timing import one_thread
 
 
 @pytest.fixture(autouse=True, scope="session")
 def _one_thread():
-    """A second one makes networks this small slower, on a machine in use by far."""
-    with one_torch_thread(), threadpool_limits(1):
+    with one_thread():
         yield
 
 
 @pytest.fixture(scope="session")
-def setting() -> Setting:
-    return Setting(quick=True, repeats=2)
+def setup() -> Setup:
+    return Setup(quick=True, repeats=2)
 
 
 @pytest.fixture
-def trained(setting, monkeypatch) -> None:
-    """Every other setting takes the learner of this one rather than training its own."""
-    learner = setting.cnmp
-    monkeypatch.setattr(setting_module, "train_briefly", lambda *arguments, **options: learner)
+def trained(setup, monkeypatch) -> None:
+    """Every other setup uses the learner of this one."""
+    learner = setup.cnmp
+    monkeypatch.setattr(common, "train_cnmp", lambda *arguments, **options: learner)
 
 
 @pytest.fixture(scope="session")
 def check_result():
-    """Makes sure that what a group found can be read: finite, positive, in order."""
+    """Checks that a group's results are finite, positive and ordered."""
 
     def check(result: GroupResult) -> None:
         assert result.method

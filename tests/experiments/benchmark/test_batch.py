@@ -5,8 +5,8 @@ import math
 from drake_shared.experiments.benchmark import batch
 
 
-def test_quick_run(setting, check_result):
-    result = batch.run(setting)
+def test_quick_run(setup, check_result):
+    result = batch.run(setup)
     check_result(result)
     rates = result.details["trials_per_second"]
     assert set(rates) == {"1", "2"}

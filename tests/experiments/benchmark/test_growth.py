@@ -1,4 +1,4 @@
-"""Growth with obstacles, queries, demonstrations and trials."""
+"""Growth of computing times with obstacles, queries, demonstrations and trials."""
 
 import pytest
 
@@ -7,8 +7,8 @@ from drake_shared.scenario import check_scenario
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 40])
-def test_crowd_stands_beside_the_workspace(scenario, count):
-    crowded = growth.crowded(scenario, count, duration=2.0)
+def test_further_obstacles_stand_beside_the_workspace(scenario, count):
+    crowded = growth.add_obstacles(scenario, count, duration=2.0)
     assert len(crowded.obstacles) == count
     assert len({item.name for item in crowded.obstacles}) == count
     assert crowded.obstacles[: min(count, 2)] == scenario.obstacles[:count]
@@ -20,11 +20,11 @@ def test_crowd_stands_beside_the_workspace(scenario, count):
     check_scenario(crowded)
 
 
-def test_quick_run(setting, monkeypatch, check_result):
+def test_quick_run(setup, monkeypatch, check_result):
     monkeypatch.setattr(growth, "OBSTACLES", (2, 5, 20))
     monkeypatch.setattr(growth, "DEMONSTRATIONS", (3, 5, 9))
     monkeypatch.setattr(growth, "QUERIES", (75, 150))
-    result = growth.run(setting)
+    result = growth.run(setup)
     check_result(result)
     assert {curve.size for curve in result.curves} == {"obstacles", "queries", "demonstrations", "trials"}
     assert result.curves[0].sizes == [2, 20]
