@@ -106,6 +106,7 @@ def describe_result(trial: Trial, saved: str | None, trouble: str | None) -> dic
         "mode": trial.metadata["mode"],
         "saved": saved,
         "trouble": trouble,
+        "failure": trial.metadata.get("failure"),
     }
 
 

@@ -18,13 +18,17 @@ from drake_shared.cockpit.driver_watch import INTERRUPTED, DriverWatch
 from drake_shared.cockpit.page_state import LogReader, describe_now, describe_result, describe_scene
 from drake_shared.cockpit.real_time import RealTime
 from drake_shared.cockpit.server import CockpitServer
-from drake_shared.common.errors import DrakeSharedError
+from drake_shared.common.errors import DrakeSharedError, RunError
+from drake_shared.learners.no_learner import NoLearner
 from drake_shared.simulation.scene_drawing import draw_path
 from drake_shared.simulation.trial import RunningTrial, Simulation, Trial, TrialSettings, write_log
 from drake_shared.systems.mouse_input import MouseInput
 
 FAILED = "failed"
 """Status of a trial during which an exception was raised."""
+
+MAX_FAILURES = 2
+"""Number of failures of the learner in a row after which the human drives alone."""
 
 _POLL_PERIOD = 0.02
 _PAUSE = 4.0  # Between two watched trials, in [s].
@@ -34,6 +38,10 @@ class Session:
     """Runs trials for the page until it is interrupted.
 
     All calls of Meshcat are made in the thread that calls :meth:`run`.
+
+    A trial in which the learner raises an exception ends with the status "failed" and is saved; the next
+    trial starts as usual. After :data:`MAX_FAILURES` such trials in a row the session switches the agent off,
+    and the learner is not used again until the agent is switched on from a page.
 
     Args:
         simulation: Its operator is a :class:`MouseInput` that reads ``server.driver_lock``, or any other.
@@ -68,6 +76,7 @@ class Session:
         self.phase = "starting"
         """The phase that pages show: starting, ready, armed, driving, stopping, finished or ended."""
         self._number = 0
+        self._failures = 0
         self._result: dict[str, Any] | None = None
         self._finished = False
         self._has_driver = isinstance(simulation.parts.operator, MouseInput)
@@ -75,7 +84,7 @@ class Session:
     def run(self) -> None:
         """Runs trials one after another."""
         self.server.publish("scene", describe_scene(self._simulation))
-        self._show(self._begin())
+        self._begin()
         self._publish_phase("ready")
         if self._has_driver:
             while not self._over and (engagement := self._wait_for_driver()) is not None:
@@ -93,10 +102,31 @@ class Session:
         return self._finished or self._interrupted.is_set()
 
     def _begin(self, **settings: Any) -> RunningTrial:
+        """Returns a new trial at its start, and shows it."""
         draw_path(self._meshcat, np.empty((0, 2)))
-        mode = "shared" if self._driver_lock.assist and self._simulation.learner is not None else "human"
-        # The goal ends the trial at a control step; see RealTime.
-        return self._simulation.begin(TrialSettings(mode=mode, end="duration", **settings))
+        while True:
+            assisted = self._driver_lock.assist and self._simulation.learner is not None
+            # The goal ends the trial at a control step; see RealTime.
+            trial = TrialSettings(mode="shared" if assisted else "human", end="duration", **settings)
+            disabled = self._failures >= MAX_FAILURES and not assisted
+            learner = NoLearner(self._simulation.scenario.duration) if disabled else None
+            try:
+                running = self._simulation.begin(trial, learner=learner)
+                self._show(running)
+                return running
+            except RunError as error:
+                if disabled:
+                    raise
+                self._report(str(error))
+                self._count_failure()
+
+    def _count_failure(self) -> None:
+        self._failures += 1
+        if self._failures >= MAX_FAILURES:
+            self._driver_lock.set_assist(self._driver_lock.holder or 0, False)
+            self._report(
+                "The learner failed repeatedly: the human drives alone. Switch assistance on to retry."
+            )
 
     def _wait_for_driver(self) -> int | None:
         """Waits for the next engagement. Returns None if the session is interrupted first."""
@@ -119,37 +149,48 @@ class Session:
         driver = DriverWatch(self._driver_lock, engagement, running, self._interrupted)
         self._result = None
         self._publish_phase("armed", running)
-        self._show(running)
         if not driver.wait_for_move():
             self._publish_phase("ready")
             return
-        self._publish_phase("driving", running)
-        real_time = RealTime(running, on_step=lambda: self._show(running))
-        try:
+
+        def run(real_time: RealTime) -> str:
             status = real_time.run(check_slice=driver.check_driver, check_step=lambda: _at_goal(running))
             if driver.end_reason is not None:
                 self._publish_phase("stopping", running)
                 real_time.run(check_slice=self._check_interrupted, check_step=driver.check_rest)
-        except Exception:
-            self._finish(running, real_time, FAILED)
-            raise
-        finally:
-            self._driver_lock.revoke("over")
-        self._finish(running, real_time, status)
+            return status
 
-    def _check_interrupted(self) -> str | None:
-        return INTERRUPTED if self._interrupted.is_set() else None
+        self._run_trial(running, run)
 
     def _run_watched_trial(self, seed: int) -> None:
         routes = self._simulation.scenario.routes
         running = self._begin(seed=seed, route=routes[seed % len(routes)].name)
         self._result = None
+
+        def run(real_time: RealTime) -> str:
+            return real_time.run(check_slice=self._check_interrupted, check_step=lambda: _at_goal(running))
+
+        self._run_trial(running, run)
+
+    def _run_trial(self, running: RunningTrial, run: Callable[[RealTime], str]) -> None:
+        """Runs a trial from its start to its end, and saves it whatever happens."""
         self._publish_phase("driving", running)
         real_time = RealTime(running, on_step=lambda: self._show(running))
-        status = real_time.run(check_slice=self._check_interrupted, check_step=lambda: _at_goal(running))
-        self._finish(running, real_time, status)
+        status, failure = FAILED, None
+        try:
+            status = run(real_time)
+            self._failures = 0
+        except RunError as error:
+            failure = str(error)
+            self._count_failure()
+        finally:
+            self._driver_lock.revoke("over")
+            self._finish(running, real_time, status, failure)
 
-    def _finish(self, running: RunningTrial, real_time: RealTime, status: str) -> None:
+    def _check_interrupted(self) -> str | None:
+        return INTERRUPTED if self._interrupted.is_set() else None
+
+    def _finish(self, running: RunningTrial, real_time: RealTime, status: str, failure: str | None) -> None:
         """Saves the trial and shows its result."""
         self._number += 1
         ended = datetime.datetime.now().astimezone()
@@ -158,14 +199,16 @@ class Session:
         if isinstance(operator, MouseInput):
             described["driver"] = dataclasses.asdict(self._driver_lock.latest().stick)
             described["driver"] |= {"max_speed": operator.max_speed, "max_yaw_rate": operator.max_yaw_rate}
+        if failure is not None:
+            described["failure"] = failure
         trial = running.finish(status, end="reached", **described)
         saved, error = self._save(trial, ended)
         draw_path(self._meshcat, trial.positions)
         self._result = describe_result(trial, saved, error)
-        self._report(
-            f"Trial {self._number}: {status} after {self._result['time']:.2f} s"
-            + _describe_saving(saved, error)
-        )
+        text = f"Trial {self._number}: {status} after {self._result['time']:.2f} s"
+        text += f" ({failure})" if failure else ""
+        text += f"; not saved: {error}" if error else f", saved as {saved}" if saved else ""
+        self._report(text)
         self._finished = bool(self._on_trial(trial))
         self._publish_phase("finished", running)
         # No trial runs now, and connections that were aborted leave large reference cycles.
@@ -198,9 +241,3 @@ class Session:
 
 def _at_goal(running: RunningTrial) -> str | None:
     return "reached" if running.reached else None
-
-
-def _describe_saving(saved: str | None, error: str | None) -> str:
-    if error is not None:
-        return f"; not saved: {error}"
-    return "" if saved is None else f", saved as {saved}"

@@ -189,6 +189,11 @@ def short_floor() -> Scenario:
 
 
 @pytest.fixture
+def long_floor() -> Scenario:
+    return make_long_floor()
+
+
+@pytest.fixture
 def start_cockpit(tmp_path) -> Iterator[Callable[..., RunningCockpit]]:
     with contextlib.ExitStack() as stack:
 

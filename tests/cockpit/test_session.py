@@ -247,6 +247,60 @@ def test_with_a_learner_that_outputs_nan_the_human_drives_alone(start_cockpit, s
     assert np.all(np.isnan(trial["confidence"]))
 
 
+class FailingLearner:
+    """Raises an exception from ``fail_at`` on, in [s] of the trial; otherwise predicts as ``learner``."""
+
+    def __init__(self, learner, fail_at):
+        self._learner = learner
+        self._fail_at = fail_at
+
+    def __getattr__(self, name):
+        return getattr(self._learner, name)
+
+    def predict(self, times, positions, query_times):
+        if times[0] >= self._fail_at:
+            raise ZeroDivisionError("a bug")
+        return self._learner.predict(times, positions, query_times)
+
+
+def test_after_a_failure_of_the_learner_the_trial_is_saved_and_the_driver_goes_on(
+    start_cockpit, long_floor, route_learner
+):
+    learner = FailingLearner(route_learner(long_floor, clock="time"), fail_at=2.0)
+    cockpit = start_cockpit(long_floor, learner)
+    for number in (1, 2):
+        with Driver(cockpit.driver_lock) as driver:
+            driver.push(forward=1.0)
+            trial = cockpit.next_trial(number)
+        assert (trial.status, trial.metadata["mode"]) == ("failed", "shared")
+        assert trial["t"][-1] == pytest.approx(1.95)
+        assert learner.name in trial.metadata["failure"]
+        assert "2.0" in trial.metadata["failure"]
+        assert sum(learner.name in message for message in cockpit.messages) == number
+    assert not cockpit.driver_lock.assist
+    cockpit.mouse.readings.clear()
+    with Driver(cockpit.driver_lock) as driver:
+        driver.push(forward=1.0)
+        cockpit.wait_for_time(2.5)
+        driver.leave()
+        trial = cockpit.next_trial(3)
+    assert (trial.status, trial.metadata["mode"]) == ("stopped", "human")
+    assert trial["t"][-1] > 2.0
+    assert sorted(read_log(path).status for path in cockpit.record.iterdir()) == [
+        "failed",
+        "failed",
+        "stopped",
+    ]
+
+
+def test_a_learner_that_fails_at_once_leaves_the_human_alone(start_cockpit, short_floor, route_learner):
+    cockpit = start_cockpit(short_floor, FailingLearner(route_learner(short_floor), fail_at=0.0))
+    with Driver(cockpit.driver_lock) as driver:
+        driver.push(forward=1.0)
+        trial = cockpit.next_trial()
+    assert (trial.status, trial.metadata["mode"]) == ("reached", "human")
+
+
 def test_a_full_disk_does_not_end_the_session(start_cockpit, short_floor):
     cockpit = start_cockpit(short_floor)
     cockpit.record.rmdir()

@@ -70,8 +70,9 @@ export class Panel {
       at("assistance-used").textContent = result.mode === "human" ? "without assistance" : "with assistance";
       at("outcome").dataset.outcome = result.collision ? "collided" : result.status;
       listMetrics(at("metrics"), result, this.#scene.driven);
-      at("saved").textContent = result.trouble ?? (result.saved ? `Saved as ${result.saved}` : "");
-      at("saved").classList.toggle("trouble", Boolean(result.trouble));
+      const saved = result.trouble ?? (result.saved ? `Saved as ${result.saved}` : "");
+      at("saved").textContent = [result.failure, saved].filter(Boolean).join(". ");
+      at("saved").classList.toggle("trouble", Boolean(result.trouble || result.failure));
     }
     this.#update();
   }
