@@ -29,6 +29,21 @@ if TYPE_CHECKING:
     from drake_shared.arbitration.authority import (
         Authority as Authority,
     )
+    from drake_shared.cockpit import (
+        CockpitServer as CockpitServer,
+    )
+    from drake_shared.cockpit import (
+        DriverLock as DriverLock,
+    )
+    from drake_shared.cockpit import (
+        Session as Session,
+    )
+    from drake_shared.cockpit import (
+        drive as drive,
+    )
+    from drake_shared.cockpit import (
+        open_session as open_session,
+    )
     from drake_shared.common.errors import (
         DrakeSharedError as DrakeSharedError,
     )
@@ -131,6 +146,9 @@ if TYPE_CHECKING:
     from drake_shared.systems.diff_drive_plant import (
         DiffDrivePlant as DiffDrivePlant,
     )
+    from drake_shared.systems.driver_presence import (
+        DriverPresence as DriverPresence,
+    )
     from drake_shared.systems.dynamic_plant import (
         DynamicPlant as DynamicPlant,
     )
@@ -145,6 +163,9 @@ if TYPE_CHECKING:
     )
     from drake_shared.systems.mouse_input import (
         MouseInput as MouseInput,
+    )
+    from drake_shared.systems.pose_watchdog import (
+        PoseWatchdog as PoseWatchdog,
     )
     from drake_shared.systems.recorded_input import (
         RecordedInput as RecordedInput,
@@ -169,11 +190,14 @@ _MODULES = {
     "Behaviour": "drake_shared.systems.surrogate_operator",
     "Box": "drake_shared.scenario",
     "Circle": "drake_shared.scenario",
+    "CockpitServer": "drake_shared.cockpit",
     "ConfidenceBlender": "drake_shared.systems.confidence_blender",
     "Counterfactual": "drake_shared.analysis.counterfactual",
     "DiffDrive": "drake_shared.robots",
     "DiffDrivePlant": "drake_shared.systems.diff_drive_plant",
     "DrakeSharedError": "drake_shared.common.errors",
+    "DriverLock": "drake_shared.cockpit",
+    "DriverPresence": "drake_shared.systems.driver_presence",
     "DynamicPlant": "drake_shared.systems.dynamic_plant",
     "Faults": "drake_shared.simulation.faults",
     "Goal": "drake_shared.scenario",
@@ -184,11 +208,13 @@ _MODULES = {
     "Learner": "drake_shared.learners",
     "MakeSharedControlDiagram": "drake_shared.simulation.diagram",
     "MouseInput": "drake_shared.systems.mouse_input",
+    "PoseWatchdog": "drake_shared.systems.pose_watchdog",
     "RecordedInput": "drake_shared.systems.recorded_input",
     "Route": "drake_shared.scenario",
     "RunError": "drake_shared.common.errors",
     "SafetyFilter": "drake_shared.systems.safety_filter",
     "Scenario": "drake_shared.scenario",
+    "Session": "drake_shared.cockpit",
     "SharedControl": "drake_shared.simulation.diagram",
     "Simulation": "drake_shared.simulation.trial",
     "Start": "drake_shared.scenario",
@@ -199,10 +225,12 @@ _MODULES = {
     "Workspace": "drake_shared.scenario",
     "arbiter_names": "drake_shared.systems.arbiters",
     "calibrate": "drake_shared.learners",
+    "drive": "drake_shared.cockpit",
     "load_learner": "drake_shared.learners",
     "load_scenario": "drake_shared.scenario",
     "make_arbiter": "drake_shared.systems.arbiters",
     "metrics": "drake_shared.analysis.metrics",
+    "open_session": "drake_shared.cockpit",
     "play_open_loop": "drake_shared.analysis.counterfactual",
     "read_demonstrations": "drake_shared.demonstrations",
     "read_log": "drake_shared.simulation.trial",

@@ -6,7 +6,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from pydrake.systems.framework import LeafSystem
+
 from drake_shared.analysis.metrics import metrics
+from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.trial import RunningTrial, Simulation, Trial
 from drake_shared.systems.confidence_blender import ConfidenceBlender
@@ -23,11 +26,9 @@ SHOWN_METRICS = (
 )
 
 
-def describe_scene(simulation: Simulation) -> dict[str, Any]:
+def describe_scene(scenario: Scenario, operator: LeafSystem, learner: Learner | None) -> dict[str, Any]:
     """Returns the ``scene`` message: what is the same in all trials."""
-    scenario: Scenario = simulation.scenario
-    space, robot, operator = scenario.workspace, scenario.robot, simulation.parts.operator
-    learner = simulation.learner
+    space, robot = scenario.workspace, scenario.robot
     driven = isinstance(operator, MouseInput)
     return {
         "scenario": scenario.name,
@@ -35,8 +36,8 @@ def describe_scene(simulation: Simulation) -> dict[str, Any]:
         "workspace": [space.x_min, space.x_max, space.y_min, space.y_max],
         "wheel_radius": robot.wheel_radius,
         "track": robot.track,
-        "max_speed": operator.max_speed if isinstance(operator, MouseInput) else robot.max_speed,
-        "max_yaw_rate": operator.max_yaw_rate if isinstance(operator, MouseInput) else 2.0,
+        "max_speed": operator.max_speed if driven else robot.max_speed,
+        "max_yaw_rate": operator.max_yaw_rate if driven else 2.0,
         "learner": None if learner is None else learner.name,
         "driven": driven,
     }
@@ -71,7 +72,7 @@ def describe_now(values: Mapping[str, float], time: float, let_go: str | None = 
     """Returns the ``now`` message: the values that the page shows during a trial.
 
     Args:
-        values: Value of each column of the log.
+        values: Value of each column of the log; those of a real robot may lack clearance and contact.
         time: Time since the start of the trial, in [s].
         let_go: Why the agent gives up its authority, if it does.
     """
@@ -83,8 +84,8 @@ def describe_now(values: Mapping[str, float], time: float, let_go: str | None = 
         "human": _pair(values, "human"),
         "autonomous": _pair(values, "autonomous"),
         "shared": _pair(values, "shared"),
-        "clearance": _number(values["clearance"]),
-        "contact": values["contact"] > 0.5,
+        "clearance": _number(values.get("clearance")),
+        "contact": values.get("contact", 0.0) > 0.5,
         "stick": _numbers(values.get("stick_forward"), values.get("stick_left")),
     }
 

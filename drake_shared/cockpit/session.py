@@ -83,7 +83,10 @@ class Session:
 
     def run(self) -> None:
         """Runs trials one after another."""
-        self.server.publish("scene", describe_scene(self._simulation))
+        simulation = self._simulation
+        self.server.publish(
+            "scene", describe_scene(simulation.scenario, simulation.parts.operator, simulation.learner)
+        )
         self._begin()
         self._publish_phase("ready")
         if self._has_driver:
