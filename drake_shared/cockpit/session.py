@@ -77,6 +77,7 @@ class Session:
         """The phase that pages show: starting, ready, armed, driving, stopping, finished or ended."""
         self._number = 0
         self._failures = 0
+        self._no_learner = NoLearner(simulation.scenario.duration)
         self._result: dict[str, Any] | None = None
         self._finished = False
         self._has_driver = isinstance(simulation.parts.operator, MouseInput)
@@ -112,7 +113,7 @@ class Session:
             # The goal ends the trial at a control step; see RealTime.
             trial = TrialSettings(mode="shared" if assisted else "human", end="duration", **settings)
             disabled = self._failures >= MAX_FAILURES and not assisted
-            learner = NoLearner(self._simulation.scenario.duration) if disabled else None
+            learner = self._no_learner if disabled else None
             try:
                 running = self._simulation.begin(trial, learner=learner)
                 self._show(running)
@@ -229,10 +230,10 @@ class Session:
         return name, None
 
     def _show(self, running: RunningTrial) -> None:
-        now = describe_now(
-            self._log_reader.read(running), running.time, self._log_reader.read_let_go(running)
-        )
-        self.server.publish("now", now)
+        values = self._log_reader.read(running)
+        # At the start nobody has touched the controls, which is not worth a warning.
+        let_go = self._log_reader.read_let_go(running) if running.time > 0.0 else None
+        self.server.publish("now", describe_now(values, running.time, let_go))
 
     def _publish_phase(self, phase: str, running: RunningTrial | None = None) -> None:
         self.phase = phase
