@@ -95,4 +95,4 @@ def step() -> Callable[[LeafSystem, Context], None]:
 def human_trial(_two_obstacles) -> Iterator[Trial]:
     """The surrogate operator alone on the first route of the two-obstacle task."""
     simulation = Simulation(_two_obstacles)
-    return simulation.run(TrialSettings(mode="human", route="left_right", seed=5))
+    return simulation.run(TrialSettings(driver="human", route="left_right", seed=5))

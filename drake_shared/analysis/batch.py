@@ -14,16 +14,14 @@ from typing import Any
 
 from drake_shared.analysis.log_folder import log_path, open_log_folder, read_kept, write_kept
 from drake_shared.analysis.metrics import metrics
-from drake_shared.arbitration.authority import Authority
 from drake_shared.common.errors import InputError, RunError
 from drake_shared.learners import load_learner
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.named import changes_of_route
 from drake_shared.scenario import load_scenario
-from drake_shared.simulation.faults import Faults
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.runner.worker import start_local_worker
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings, read_log
-from drake_shared.systems.arbiters import DEFAULT
 from drake_shared.systems.recorded_input import RecordedInput
 
 
@@ -36,17 +34,11 @@ class Batch:
         model: File of the learner; the human drives alone without one.
         count: How many trials. The routes of the scenario take turns.
         seed: Of the first trial; each following one has the next.
-        mode: "shared", "human" or "agent".
-        arbitration: Name of the arbiter, see `drake_shared.systems.arbiters`.
-        authority: What "blend" leaves to the human: True is the default, False nothing, None by preset.
+        config: How control is shared; if None, the one that the learner's preset names.
         behaviour: Of the simulated operator.
         switching: Whether the operator changes to another route at ``behaviour.switch_time``; then the routes
             that can be left take turns. See :func:`drake_shared.operators.named.changes_of_route`.
         recording: A log whose human commands are played back in place of a simulated operator.
-        confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
-        end: "reached" or "duration".
-        safety_clearance: Kept by a safety filter, in [m]; without one if None.
-        faults: What goes wrong on purpose.
         out: Folder for the logs; none are written if None.
     """
 
@@ -54,24 +46,15 @@ class Batch:
     model: str | None = None
     count: int = 1
     seed: int = 0
-    mode: str = "shared"
-    arbitration: str = DEFAULT
-    authority: Authority | bool | None = None
+    config: SharedControlConfig | None = None
     behaviour: Behaviour = dataclasses.field(default_factory=Behaviour)
     switching: bool = False
     recording: str | None = None
-    confidence_gain: float | None = None
-    end: str = "reached"
-    safety_clearance: float | None = None
-    faults: Faults | None = None
     out: str | None = None
 
     def __post_init__(self) -> None:
         if self.count < 1:
             raise InputError("simulate", "trials", "must be at least 1", self.count)
-        if self.authority and self.mode != "shared":
-            # The default is simply not looked at there; one that is asked for contradicts it.
-            raise InputError("authority", "", f"must be left out where the {self.mode} drives alone")
 
 
 def run_batch(
@@ -175,11 +158,8 @@ class _Runner:
         self._simulation = Simulation(
             scenario,
             learner=learner,
+            config=batch.config,
             operator=operator,
-            arbiter=batch.arbitration,
-            authority=batch.authority,
-            safety_clearance=batch.safety_clearance,
-            faults=batch.faults,
         )
 
     def check(self) -> None:
@@ -205,14 +185,11 @@ class _Runner:
         batch = self._batch
         route, then = self._routes[index % len(self._routes)]
         return TrialSettings(
-            mode=batch.mode,
             seed=batch.seed + index,
             route=self._recorded_route if self._recording is not None else route,
             then=then,
             behaviour=batch.behaviour,
             recording=self._recording,
-            confidence_gain=batch.confidence_gain,
-            end=batch.end,
         )
 
 

@@ -16,12 +16,12 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from drake_shared.analysis.metrics import metrics
-from drake_shared.arbitration.authority import Authority
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
 from drake_shared.scenario import Start, scenario_from_dict
+from drake_shared.simulation.config import SharedControlConfig, config_of_log
+from drake_shared.simulation.faults import Faults
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
-from drake_shared.systems.arbiters import DEFAULT
 from drake_shared.systems.recorded_input import RecordedInput
 
 LEFT = 0.1
@@ -63,21 +63,22 @@ class Counterfactual:
 def play_open_loop(
     recorded: Trial,
     *,
-    arbiter: LeafSystem | str,
+    config: SharedControlConfig | None = None,
+    arbiter: LeafSystem | None = None,
     learner: Learner | None = None,
-    authority: Authority | bool | None = None,
 ) -> Counterfactual:
     """Plays the human commands of ``recorded``, from where it began, under another arbiter.
 
     Args:
         recorded: The trial.
-        arbiter: A name or a system, see `drake_shared.systems.arbiters`.
+        config: How control is shared; if None, as in the recorded trial, but without its faults and its
+            safety filter.
+        arbiter: A system in place of the config's arbiter.
         learner: The one that took part, or another.
-        authority: What "blend" leaves to the human: True is the default, False nothing. If None it is what
-            was left in the recorded trial if that was a blend, too, and else what the learner's preset says.
 
     Raises:
-        InputError: The log's scenario is none, there is no such arbiter, or the commands are no numbers.
+        InputError: The log holds no valid scenario or config, there is no such arbiter, or the commands are
+            not finite.
     """
     told = recorded.metadata
     scenario = scenario_from_dict(told["scenario"], source="the log's scenario")
@@ -85,10 +86,9 @@ def play_open_loop(
     simulation = Simulation(
         dataclasses.replace(scenario, start=Start(x=x, y=y, yaw=yaw)),
         learner=learner,
+        config=config or open_loop_config(told),
         operator=RecordedInput(period=scenario.control_period),
         arbiter=arbiter,
-        authority=_authority(told) if authority is None and arbiter == DEFAULT else authority,
-        look_ahead=_number(told, "look_ahead", 0.6),
     )
     same_learner = learner is not None and learner.metadata.get("id") == told.get("learner_id")
     running = simulation.begin(
@@ -97,8 +97,7 @@ def play_open_loop(
             then=told.get("then"),
             # The last row of a log was never applied.
             recording=recorded.commands("human")[:-1],
-            confidence_gain=_number(told, "confidence_gain", None) if same_learner else None,
-            end="duration" if told.get("end") == "duration" else "reached",
+            confidence_gain=_confidence_gain(told) if same_learner else None,
         )
     )
     # Of what the person would have done after the end of the record nothing is known.
@@ -119,23 +118,25 @@ def _left_at(recorded: Trial, played: Trial) -> float | None:
     return float(played["t"][left[0]]) if left.size else None
 
 
-def _authority(told: Mapping[str, Any]) -> Authority | bool | None:
-    """What was left to the human in the recorded trial; None if it was no blend."""
-    if "arbitration" not in told:
-        return False  # Of a time when there was none.
-    try:
-        if told["arbitration"]["name"] != DEFAULT:
-            return None
-        left = told["arbitration"]["configuration"]["authority"]
-        return False if left is None else Authority(**left)
-    except (KeyError, TypeError) as error:
-        raise InputError("the log", "arbitration", "must be name and configuration of an arbiter") from error
+def open_loop_config(metadata: Mapping[str, Any]) -> SharedControlConfig:
+    """The config of a recorded trial for shared control without faults and without a safety filter.
+
+    Args:
+        metadata: Of the trial's log.
+
+    Raises:
+        InputError: They hold no valid config.
+    """
+    config = config_of_log(metadata)
+    return dataclasses.replace(
+        config, driver="shared", faults=Faults(), safety_clearance=None, confidence_gain=None
+    )
 
 
-def _number(told: Mapping[str, Any], field: str, default: Any) -> Any:
-    value = told.get(field, default)
-    if value is default:
-        return default
-    if isinstance(value, bool) or not isinstance(value, int | float) or not (0 < value < math.inf):
-        raise InputError("the log", field, "must be positive and finite", repr(value))
-    return value
+def _confidence_gain(metadata: Mapping[str, Any]) -> float | None:
+    gain = metadata.get("confidence_gain")
+    if gain is None:
+        return None
+    if isinstance(gain, bool) or not isinstance(gain, int | float) or not 0 < gain < math.inf:
+        raise InputError("the log", "confidence_gain", "must be positive and finite", repr(gain))
+    return gain

@@ -1,55 +1,59 @@
-"""How much of the control the human keeps, whatever the agent's confidence does."""
+"""How much of the control the human keeps, whatever the agent's confidence."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from drake_shared.common.errors import InputError
 
+# A command whose elements are all below this, in its own units, is no command.
+_ZERO_COMMAND = 1e-6
+# Times are sums of periods: rounding must not delay what is due by one step.
+_TIME_SLACK = 1e-9
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Authority:
-    """What :class:`~drake_shared.systems.confidence_blender.ConfidenceBlender` leaves to the human.
-
-    A part that is None is off.
-
-    Attributes:
-        floor: Least w, in [0, 1].
-        conflict_angle: Commands point apart where the angle between them as twists is larger, in [rad]; see
-            :meth:`ConfidenceBlender`.
-        agreement_angle: They agree again where it is smaller, in [rad].
-        conflict_time: How long they must point apart until the agent lets go, in [s]; None: it never does.
-        agreement_time: How long they must agree until it takes part again, in [s].
-        release_time: Time in which w rises from 0 to 1 then, in [s].
-        weight_rate: Largest change of w, in [1/s].
-        command_rate: Largest change of either wheel's shared command, in [rad/s^2]. The default is above what
-            the wheels of the Pioneer follow (15.4), so that it costs a human who brakes nothing.
-        hands_off_time: How long a human must give nothing until the robot is brought to rest, in [s]; None:
-            the agent drives on alone.
-        stop_time: Time in which w rises from 0 to 1 then, in [s].
+    """Limits on what the agent takes from the human; a time or rate that is None is off.
 
     Raises:
-        InputError: A number is out of range, or two of them contradict each other.
+        InputError: A value is out of range, or two of them contradict each other.
     """
 
+    enabled: bool = True
+    """False: confidence alone decides, eq. (2)."""
     floor: float = 0.1
+    """Least human weight w, from 0 to 1."""
     conflict_angle: float = 0.5
+    """Commands conflict where the angle between their motions is larger, in rad."""
     agreement_angle: float = 0.5
+    """Commands agree where that angle is smaller, in rad."""
     conflict_time: float | None = 0.3
+    """After a conflict of this duration w rises to 1, in s."""
     agreement_time: float = 0.2
+    """After agreement of this duration the agent takes part again, in s."""
     release_time: float = 0.3
+    """Time in which w rises from 0 to 1 in a conflict, in s."""
     weight_rate: float | None = 4.0
+    """Largest change of w, in 1/s."""
     command_rate: float | None = 40.0
+    """Largest change of each element of the shared command, in its unit per s. The default is more than the
+    wheels of the Pioneer follow (15.4 rad/s^2), so it does not delay a human who brakes."""
     hands_off_time: float | None = 1.0
+    """After this time without a human command w rises to 1, so that the robot stops, in s."""
     stop_time: float = 0.7
+    """Time in which w rises from 0 to 1 then, in s."""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.enabled, bool):
+            raise InputError("authority", "enabled", "must be true or false", repr(self.enabled))
         optional = ("conflict_time", "weight_rate", "command_rate", "hands_off_time")
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if value is None and field.name in optional:
+            if field.name == "enabled" or (value is None and field.name in optional):
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise InputError("authority", field.name, "must be a finite number", repr(value))
@@ -60,48 +64,130 @@ class Authority:
         if self.conflict_angle > math.pi:
             raise InputError("authority", "conflict_angle", "must be at most pi", self.conflict_angle)
         if self.agreement_angle > self.conflict_angle:
-            raise InputError(
-                "authority", "agreement_angle", "must be at most conflict_angle", self.agreement_angle
-            )
+            expected = "must be at most conflict_angle"
+            raise InputError("authority", "agreement_angle", expected, self.agreement_angle)
         for name in ("release_time", "stop_time"):
-            if self.weight_rate is not None and getattr(self, name) * self.weight_rate < 1.0:
-                raise InputError(
-                    "authority",
-                    name,
-                    "must be at least 1 / weight_rate, or w cannot rise in it",
-                    getattr(self, name),
-                )
+            time = getattr(self, name)
+            if self.weight_rate is not None and time * self.weight_rate < 1.0:
+                raise InputError("authority", name, "must be at least 1 / weight_rate", time)
 
-    def to_json(self) -> dict[str, Any]:
-        """As a log keeps it."""
-        return dataclasses.asdict(self)
+    def to_json(self) -> dict[str, Any] | None:
+        """What a log holds of it: None if it is disabled, else its numbers."""
+        if not self.enabled:
+            return None
+        return {name: value for name, value in dataclasses.asdict(self).items() if name != "enabled"}
 
 
-def authority_for(preset: str | None) -> Authority | None:
-    """What learners of a preset share the control with: none for "paper" and without a learner."""
-    return None if preset in (None, "paper") else Authority()
+@dataclasses.dataclass(slots=True)
+class AuthorityState:
+    """What one control step passes to the next.
 
-
-def parse_authority(text: str) -> Authority | bool:
-    """What "on", "off" or changes to the defaults such as "floor=0.3,conflict_time=off" mean.
-
-    Raises:
-        InputError: A name is unknown, or a value is not what it must be.
+    Attributes:
+        weight: w.
+        conflict_time: How long the commands have been in conflict, in [s].
+        agreement_time: How long they have agreed, in [s].
+        released: 1 while the agent gives up control because of a conflict, else 0.
+        idle_time: How long the human has given no command, in [s].
+        command: Shape (M,), the shared command.
     """
-    if text in ("on", "off"):
-        return text == "on"
-    names = [field.name for field in dataclasses.fields(Authority)]
-    given: dict[str, float | None] = {}
-    for part in text.split(","):
-        name, _, value = (item.strip() for item in part.partition("="))
-        if name not in names:
-            raise InputError(
-                "authority", "", f"must be on, off or name=value of {', '.join(names)}", repr(part)
-            )
-        if name in given:
-            raise InputError("authority", name, "must be given once")
-        try:
-            given[name] = None if value == "off" else float(value)
-        except ValueError as error:
-            raise InputError("authority", name, "must be a number", repr(value)) from error
-    return Authority(**given)  # type: ignore[arg-type]
+
+    weight: float
+    conflict_time: float
+    agreement_time: float
+    released: float
+    idle_time: float
+    command: Sequence[float]
+
+    @classmethod
+    def initial(cls, size: int, *, idle_time: float = math.inf) -> AuthorityState:
+        """Before the first step: the human drives (w = 1), and the robot rests.
+
+        Args:
+            size: M.
+            idle_time: Time since the human touched the controls, in [s]; infinite if never.
+        """
+        return cls(1.0, 0.0, 0.0, 0.0, idle_time, [0.0] * size)
+
+    def to_list(self) -> list[float]:
+        """Shape (5 + M,)."""
+        times = [self.conflict_time, self.agreement_time, self.released, self.idle_time]
+        return [self.weight, *times, *self.command]
+
+    @classmethod
+    def from_list(cls, values: Sequence[float]) -> AuthorityState:
+        """Inverse of `to_list`."""
+        weight, conflict_time, agreement_time, released, idle_time, *command = values
+        return cls(weight, conflict_time, agreement_time, released, idle_time, command)
+
+
+def next_times(
+    authority: Authority,
+    before: AuthorityState,
+    *,
+    angle: float,
+    human: Sequence[float],
+    idle_time: float | None,
+    period: float,
+) -> AuthorityState:
+    """Updates the times of conflict, agreement and idleness by one step; weight and command stay.
+
+    Args:
+        authority: The limits.
+        before: State of the step before.
+        angle: Between the motions of both commands, in [rad]; NaN if one of them hardly moves, which is
+            neither conflict nor agreement.
+        human: The human's command (M,).
+        idle_time: Time since the human touched the controls, in [s]; None if it is not measured. Then the
+            time counts for which the command has been zero.
+        period: Duration of the step, in [s].
+    """
+    conflict_time = before.conflict_time + period if angle > authority.conflict_angle else 0.0
+    agreement_time = before.agreement_time + period if angle < authority.agreement_angle else 0.0
+    released = before.released
+    if authority.conflict_time is not None:
+        if released:
+            released = float(agreement_time < authority.agreement_time - _TIME_SLACK)
+        else:
+            released = float(conflict_time >= authority.conflict_time - _TIME_SLACK)
+    if math.isfinite(sum(human)) and max(map(abs, human)) > _ZERO_COMMAND:
+        idle = 0.0
+    else:
+        idle = before.idle_time + period if idle_time is None else idle_time
+    return AuthorityState(before.weight, conflict_time, agreement_time, released, idle, before.command)
+
+
+def is_hands_off(authority: Authority, state: AuthorityState) -> bool:
+    """Whether the human has given no command for the hands-off time."""
+    time = authority.hands_off_time
+    return time is not None and state.idle_time >= time - _TIME_SLACK
+
+
+def limited_weight(authority: Authority, state: AuthorityState, weight: float, period: float) -> float:
+    """The weight applied in this step, where confidence alone gives ``weight``.
+
+    It is at least the floor, rises to 1 after a conflict or without a human command, and moves from
+    ``state.weight`` no faster than its rate.
+    """
+    weight, rate = max(weight, authority.floor), authority.weight_rate
+    if state.released:
+        weight, rate = 1.0, 1.0 / authority.release_time
+    elif is_hands_off(authority, state):
+        weight, rate = 1.0, 1.0 / authority.stop_time
+    if rate is None:
+        return weight
+    most = rate * period
+    return min(max(weight, state.weight - most), state.weight + most)
+
+
+def limited_command(
+    authority: Authority, before: Sequence[float], command: Sequence[float], period: float
+) -> Sequence[float]:
+    """As far from ``before`` (M,) straight toward ``command`` (M,) as the command rate allows."""
+    if authority.command_rate is None:
+        return command
+    furthest = max(abs(new - old) for new, old in zip(command, before, strict=True))
+    most = authority.command_rate * period
+    if furthest <= most:
+        return command
+    share = most / furthest
+    return [old + share * (new - old) for new, old in zip(command, before, strict=True)]

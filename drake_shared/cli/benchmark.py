@@ -31,7 +31,7 @@ class Benchmark:
     """Print everything as one JSON object."""
 
     def run(self) -> None:
-        """Does it."""
+        """Runs the command."""
         from drake_shared.experiments.benchmark.common import Setup
         from drake_shared.experiments.benchmark.groups import GROUPS, run_benchmark
 

@@ -1,32 +1,27 @@
-"""``drake-shared evaluate``: how good a learner's predictions are, and how honest its confidence."""
+"""``drake-shared evaluate``: how accurate a learner's predictions are, and how well calibrated."""
 
 from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from drake_shared.cli.common import open_learner, print_json, say
+from drake_shared.cli.options import LearnerOptions
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_target
 
 
 @dataclasses.dataclass(kw_only=True)
-class Evaluate:
-    """Judges a learner against demonstrations, and its confidence over trials of a simulated operator."""
+class Evaluate(LearnerOptions):
+    """Evaluates a learner on demonstrations, and its confidence in trials of a simulated operator."""
 
-    model: Path | None = None
-    """Learner; default: the one that ships for the scenario and preset."""
-    preset: Literal["default", "paper"] = "default"
-    """Which of the shipped learners."""
-    scenario: str | None = None
-    """Scenario file, or the name of a shipped one."""
     demos: tuple[Path, ...] = ()
-    """Demonstrations to judge it against; default: three fresh simulated drives of each route."""
+    """Demonstrations to evaluate it on; default: three fresh simulated drives of each route."""
     noise: float = 0.0
     """Standard deviation of the noise on the points shown, in m."""
     trials: int = 30
-    """Shared trials over which the confidence is judged; 0 leaves it out."""
+    """Trials in which the confidence is evaluated; 0 omits it."""
     seed: int = 0
     """Of the noise, the fresh drives and the trials."""
     recalibrate: Path | None = None
@@ -37,7 +32,7 @@ class Evaluate:
     """Print everything as one JSON object."""
 
     def run(self) -> None:
-        """Does it."""
+        """Runs the command."""
         from drake_shared.analysis.evaluation import draw_reliability, evaluate, predictions
         from drake_shared.demonstrations import read_demonstrations
         from drake_shared.scenario import load_scenario
@@ -82,7 +77,7 @@ class Evaluate:
         from drake_shared.analysis.evaluation import calibration_of_confidence, judge_confidence, ways_of
         from drake_shared.simulation.trial import Simulation, TrialSettings
 
-        simulation = Simulation(scenario, learner=learner)
+        simulation = Simulation(scenario, learner=learner, config=self.control)
         ways = ways_of(scenario, learner)
         parts, ambiguities = [], []
         for index in range(self.trials):

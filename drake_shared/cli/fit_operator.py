@@ -26,7 +26,7 @@ class FitOperator:
     """Print everything as one JSON object."""
 
     def run(self) -> None:
-        """Does it."""
+        """Runs the command."""
         from drake_shared.analysis.operator_fit import fit_operator, settings_of
         from drake_shared.simulation.trial import read_log
 

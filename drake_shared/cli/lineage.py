@@ -25,7 +25,7 @@ class Lineage:
     """Print everything as one JSON object."""
 
     def run(self) -> None:
-        """Does it."""
+        """Runs the command."""
         from drake_shared.analysis.lineage import lineage
         from drake_shared.common.files import models_directory
 

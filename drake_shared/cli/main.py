@@ -3,48 +3,56 @@
 from __future__ import annotations
 
 import contextlib
-import io
+import dataclasses
+import functools
+import importlib
+import importlib.metadata
 import logging
+import operator
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
-from typing import Annotated
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, Protocol
 
 import tyro
 
-from drake_shared.cli.benchmark import Benchmark
-from drake_shared.cli.drive import Drive
-from drake_shared.cli.evaluate import Evaluate
-from drake_shared.cli.fit_operator import FitOperator
-from drake_shared.cli.lineage import Lineage
-from drake_shared.cli.replay import Replay
-from drake_shared.cli.reproduce import Reproduce
-from drake_shared.cli.simulate import Simulate
-from drake_shared.cli.teach import Teach
-from drake_shared.cli.train import Train
+from drake_shared.cli.messages import usage_error
+from drake_shared.cli.old_spellings import translate
 from drake_shared.common.errors import DrakeSharedError, InputError
 
-Command = (
-    Annotated[Drive, tyro.conf.subcommand("drive")]
-    | Annotated[Teach, tyro.conf.subcommand("teach")]
-    | Annotated[Train, tyro.conf.subcommand("train")]
-    | Annotated[Simulate, tyro.conf.subcommand("simulate")]
-    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
-    | Annotated[FitOperator, tyro.conf.subcommand("fit-operator")]
-    | Annotated[Lineage, tyro.conf.subcommand("lineage")]
-    | Annotated[Replay, tyro.conf.subcommand("replay")]
-    | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
-    | Annotated[Benchmark, tyro.conf.subcommand("benchmark")]
-)
+# A module is imported only when its command is used or all are listed, so that --help stays quick.
+COMMANDS = {
+    "drive": "drive:Drive",
+    "teach": "teach:Teach",
+    "train": "train:Train",
+    "simulate": "simulate:Simulate",
+    "evaluate": "evaluate:Evaluate",
+    "fit-operator": "fit_operator:FitOperator",
+    "lineage": "lineage:Lineage",
+    "replay": "replay:Replay",
+    "reproduce": "reproduce:Reproduce",
+    "benchmark": "benchmark:Benchmark",
+}
+
+
+class Command(Protocol):
+    """A dataclass whose fields are the options of a command."""
+
+    def run(self) -> None:
+        """Runs the command."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command. Exit status: 0 done, 1 the run failed, 2 bad usage or bad input, 130 Ctrl-C."""
     logging.getLogger("drake").setLevel(logging.WARNING)
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if given == ["--version"]:
+        print(f"drake-shared {importlib.metadata.version('drake_shared')}")
+        return 0
     try:
         with _ends_on_sigterm():
-            _parse(arguments).run()
+            parse(given).run()
     except DrakeSharedError as error:
         print(f"drake-shared: {error}", file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
@@ -53,9 +61,52 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def parse(arguments: Sequence[str]) -> Command:
+    """The command that ``arguments`` describe, with its options.
+
+    Raises:
+        InputError: A command or option is unknown, or a value is invalid.
+    """
+    name, options = (arguments[0], translate(arguments[1:])) if arguments else ("", [])
+    known = name in COMMANDS
+    kind: Any = _class_of(name) if known else functools.reduce(operator.or_, _subcommands())
+    defaults = kind.defaults(options) if hasattr(kind, "defaults") else {}
+    with usage_error():
+        command: Command = tyro.cli(
+            kind,
+            prog=f"drake-shared {name}" if known else "drake-shared",
+            description=None
+            if known
+            else "Shared control for Drake: a person steers, a learner predicts where to.",
+            args=options if known else list(arguments),
+            **({"default": _with_defaults(kind, defaults)} if defaults else {}),
+            config=(tyro.conf.OmitSubcommandPrefixes,),
+        )
+    return command
+
+
+def _with_defaults(kind: Any, defaults: Mapping[str, Any]) -> Any:
+    required = [
+        field.name
+        for field in dataclasses.fields(kind)
+        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+    ]
+    return kind(**dict.fromkeys(required, tyro.MISSING), **defaults)
+
+
+def _class_of(name: str) -> type[Command]:
+    module, _, kind = COMMANDS[name].partition(":")
+    found: type[Command] = getattr(importlib.import_module(f"drake_shared.cli.{module}"), kind)
+    return found
+
+
+def _subcommands() -> list[Any]:
+    return [Annotated[_class_of(name), tyro.conf.subcommand(name)] for name in COMMANDS]
+
+
 @contextlib.contextmanager
 def _ends_on_sigterm() -> Iterator[None]:
-    """Lets SIGTERM end the process as an exception would, so that nothing is left behind: status 143."""
+    """Lets SIGTERM raise SystemExit with status 143, so that every cleanup runs."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -64,40 +115,6 @@ def _ends_on_sigterm() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def _parse(arguments: Sequence[str] | None) -> Command:
-    """The command that ``arguments`` ask for.
-
-    Raises:
-        InputError: They are not what a command takes.
-    """
-    said = io.StringIO()
-    try:
-        with contextlib.redirect_stderr(said):
-            return tyro.cli(
-                Command,
-                prog="drake-shared",
-                description="Shared control for Drake: a person steers, a learner predicts where to.",
-                args=arguments,
-                config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
-            )
-    except SystemExit as stopped:
-        if stopped.code in (None, 0):
-            raise
-        raise InputError("usage", _one_line(said.getvalue()), "(see --help)") from None
-
-
-def _one_line(box: str) -> str:
-    """What the parser says in a box of several parts: the parts up to the help, in one line."""
-    lines = [line.strip(" │╭╮╰╯") for line in box.splitlines()[1:]]
-    told: list[str] = []
-    for line in lines:
-        if line.startswith(("For full helptext", "Argument helptext")):
-            break
-        if line.strip("─"):
-            told.append(line)
-    return " ".join(told)
 
 
 if __name__ == "__main__":

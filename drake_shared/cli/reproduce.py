@@ -34,7 +34,7 @@ class Reproduce:
     """Print claims and verdicts as one JSON object."""
 
     def run(self) -> None:
-        """Does it."""
+        """Runs the command."""
         from drake_shared.experiments.reproduce import reproduce
         from drake_shared.experiments.section import FULL, QUICK
 

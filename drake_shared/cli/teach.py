@@ -9,25 +9,24 @@ from typing import Annotated, Literal
 import tyro
 
 from drake_shared.cli.common import say
+from drake_shared.cli.options import ControlOptions
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_target
-from drake_shared.systems.surrogate_operator import Behaviour
+from drake_shared.operators.behaviour import Behaviour
 
 
 @dataclasses.dataclass(kw_only=True)
-class Teach:
+class Teach(ControlOptions):
     """Records demonstrations without assistance and scores each by its clearance."""
 
     out: Path
     """Parquet file to write."""
-    scenario: str | None = None
-    """Scenario file, or the name of a shipped one."""
     operator: Literal["mouse", "surrogate"] = "surrogate"
     """Who drives: a person on the page, or a simulated operator along each route in turn."""
     count: int | None = None
-    """How many; default: one for each route."""
+    """Number of demonstrations; default: one for each route."""
     seed: int = 0
-    """Of the first one's noise; each following one has the next."""
+    """Seed of the first one's noise; each following one has the next."""
     host: str = "127.0.0.1"
     """Address that the page listens on, for the mouse."""
     port: int = 8080
@@ -37,7 +36,7 @@ class Teach:
     behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
 
     def run(self) -> None:
-        """Does it."""
+        """Runs the command."""
         from drake_shared.demonstrations import write_demonstrations
         from drake_shared.scenario import load_scenario
         from drake_shared.simulation.teaching import teach
@@ -50,10 +49,17 @@ class Teach:
             from drake_shared.cockpit.teach import teach_by_mouse
 
             demonstrations = teach_by_mouse(
-                scenario, count=self.count, host=self.host, port=self.port, open_browser=self.open
+                scenario,
+                count=self.count,
+                config=self.control,
+                host=self.host,
+                port=self.port,
+                open_browser=self.open,
             )
         else:
-            demonstrations = teach(scenario, count=self.count, seed=self.seed, behaviour=self.behaviour)
+            demonstrations = teach(
+                scenario, count=self.count, seed=self.seed, config=self.control, behaviour=self.behaviour
+            )
         write_demonstrations(self.out, demonstrations)
         for index, item in enumerate(demonstrations):
             route = item.provenance.get("route") or "free"

@@ -51,7 +51,7 @@ class Train:
     """Print the training record as one JSON object."""
 
     def run(self) -> None:
-        """Does it."""
+        """Runs the command."""
         from tqdm import tqdm
 
         demonstrations = self._read()

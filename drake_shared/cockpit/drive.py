@@ -15,7 +15,6 @@ from pathlib import Path
 from pydrake.systems.framework import LeafSystem
 from threadpoolctl import threadpool_limits
 
-from drake_shared.arbitration.authority import Authority
 from drake_shared.cockpit.driver_lock import DriverLock
 from drake_shared.cockpit.meshcat_proxy import start_meshcat
 from drake_shared.cockpit.server import DEFAULT_PORT, CockpitServer
@@ -24,6 +23,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_writable
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.scene_drawing import draw_scene, look_from_above
 from drake_shared.simulation.trial import Simulation, Trial
 from drake_shared.systems.mouse_input import MouseInput
@@ -40,8 +40,7 @@ def drive(
     *,
     operator: str = "mouse",
     assist: bool = True,
-    authority: Authority | bool | None = None,
-    safety_clearance: float | None = None,
+    config: SharedControlConfig | None = None,
     record: str | os.PathLike[str] | None = None,
     host: str = "127.0.0.1",
     port: int = DEFAULT_PORT,
@@ -58,8 +57,7 @@ def drive(
         learner: Predicts intentions; if None, the person drives alone.
         operator: "mouse" for a person at the page, "surrogate" for a simulated operator.
         assist: Whether the agent takes part in the first trial; the page can switch it.
-        authority: What is left to the human; as for :class:`drake_shared.simulation.trial.Simulation`.
-        safety_clearance: Clearance that a safety filter keeps, in [m]; no filter if None.
+        config: How control is shared; if None, the one that the learner's preset names.
         record: Folder for the logs; if None, nothing is saved.
         host: Address to listen on.
         port: Port to listen on; 0 takes any free port.
@@ -75,8 +73,7 @@ def drive(
         learner,
         operator=operator,
         assist=assist,
-        authority=authority,
-        safety_clearance=safety_clearance,
+        config=config,
         record=record,
         host=host,
         port=port,
@@ -98,8 +95,7 @@ def open_session(
     *,
     operator: str | Callable[[DriverLock], LeafSystem] = "mouse",
     assist: bool = True,
-    authority: Authority | bool | None = None,
-    safety_clearance: float | None = None,
+    config: SharedControlConfig | None = None,
     record: str | os.PathLike[str] | None = None,
     host: str = "127.0.0.1",
     port: int = 0,
@@ -113,7 +109,7 @@ def open_session(
     context manager and the session's ``run`` must be used in the same thread, as Meshcat requires.
 
     Args:
-        scenario, learner, assist, authority, safety_clearance, record, host, port, on_trial: See
+        scenario, learner, assist, config, record, host, port, on_trial: See
             :func:`drive`.
         operator: As for :func:`drive`, or a function that returns the operator: a LeafSystem with a vector
             output port ``human_command``, in wheel speeds [rad/s], that has no direct feedthrough. The
@@ -133,7 +129,8 @@ def open_session(
         raise InputError("operator", "", f"must be one of {', '.join(OPERATORS)}", repr(operator))
     if record is not None:
         check_writable(record)
-    driver_lock = DriverLock(enabled=operator != "surrogate", assist=assist and learner is not None)
+    assisted = assist and learner is not None and (config is None or config.driver != "human")
+    driver_lock = DriverLock(enabled=operator != "surrogate", assist=assisted)
     meshcat = start_meshcat()
     server = CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=driver_lock, host=host, port=port)
     with server, _low_latency():
@@ -144,9 +141,8 @@ def open_session(
         simulation = Simulation(
             scenario,
             learner=learner,
+            config=config,
             operator=system,
-            authority=authority,
-            safety_clearance=safety_clearance,
             meshcat=meshcat,
         )
         draw_scene(meshcat, scenario)

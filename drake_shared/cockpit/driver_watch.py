@@ -35,7 +35,7 @@ class DriverWatch:
         self._engagement = engagement
         self._running = running
         self._interrupted = interrupted
-        self._mode = running.settings.mode
+        self._driver = running.driver
         parts = running.simulation.parts
         self._wheels_port = parts.plant.GetOutputPort("wheel_speed")
         self._wheels_context = parts.plant.GetMyContextFromRoot(running.root)
@@ -62,7 +62,7 @@ class DriverWatch:
             return INTERRUPTED
         reason = self.end_reason
         present = reason is None and self._driver_lock.age() <= STALE_AFTER
-        self._set_mode(self._running.settings.mode if present else "human")
+        self._set_driver(self._running.driver if present else "human")
         return reason
 
     def check_rest(self) -> str | None:
@@ -70,9 +70,8 @@ class DriverWatch:
         wheels = self._wheels_port.Eval(self._wheels_context)
         return "at rest" if max(abs(wheels)) <= _REST_SPEED else None
 
-    def _set_mode(self, mode: str) -> None:
+    def _set_driver(self, driver: str) -> None:
         # Setting a parameter, even to the same value, invalidates Drake's cache.
-        if mode != self._mode:
-            blender = self._running.simulation.parts.blender
-            blender.set_mode(blender.GetMyMutableContextFromRoot(self._running.root), mode)
-            self._mode = mode
+        if driver != self._driver:
+            self._running.simulation.parts.SetDriver(self._running.root, driver)
+            self._driver = driver

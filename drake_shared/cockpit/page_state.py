@@ -12,7 +12,6 @@ from drake_shared.analysis.metrics import metrics
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.trial import RunningTrial, Simulation, Trial
-from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.mouse_input import MouseInput
 
 SHOWN_METRICS = (
@@ -51,7 +50,7 @@ class LogReader:
         multiplexer = simulation.diagram.GetSubsystemByName("log_multiplexer")
         self._multiplexer = multiplexer
         self._port = multiplexer.get_output_port()
-        self._blender = simulation.parts.blender
+        self._parts = simulation.parts
 
     def read(self, running: RunningTrial) -> dict[str, float]:
         """Returns the current value of each column of the log.
@@ -62,10 +61,8 @@ class LogReader:
         return dict(zip(self._columns, self._port.Eval(context).tolist(), strict=True))
 
     def read_let_go(self, running: RunningTrial) -> str | None:
-        """Returns why the agent gives up its authority; see :meth:`ConfidenceBlender.let_go`."""
-        if not isinstance(self._blender, ConfidenceBlender):
-            return None
-        return self._blender.let_go(self._blender.GetMyContextFromRoot(running.root))
+        """Returns why the agent gives up control, or None; see `drake_shared.systems.arbiter.Arbiter`."""
+        return self._parts.release_reason(running.root)
 
 
 def describe_now(values: Mapping[str, float], time: float, let_go: str | None = None) -> dict[str, Any]:

@@ -110,12 +110,13 @@ class Session:
         draw_path(self._meshcat, np.empty((0, 2)))
         while True:
             assisted = self._driver_lock.assist and self._simulation.learner is not None
-            # The goal ends the trial at a control step; see RealTime.
-            trial = TrialSettings(mode="shared" if assisted else "human", end="duration", **settings)
+            driver = "agent" if self._simulation.config.driver == "agent" else "shared"
+            trial = TrialSettings(driver=driver if assisted else "human", **settings)
             disabled = self._failures >= MAX_FAILURES and not assisted
             learner = self._no_learner if disabled else None
             try:
-                running = self._simulation.begin(trial, learner=learner)
+                # RealTime ends the trial at the goal, at a control step.
+                running = self._simulation.begin(trial, learner=learner, ends_at_goal=False)
                 self._show(running)
                 return running
             except RunError as error:
@@ -205,7 +206,7 @@ class Session:
             described["driver"] |= {"max_speed": operator.max_speed, "max_yaw_rate": operator.max_yaw_rate}
         if failure is not None:
             described["failure"] = failure
-        trial = running.finish(status, end="reached", **described)
+        trial = running.finish(status, **described)
         saved, error = self._save(trial, ended)
         draw_path(self._meshcat, trial.positions)
         self._result = describe_result(trial, saved, error)
@@ -237,11 +238,11 @@ class Session:
 
     def _publish_phase(self, phase: str, running: RunningTrial | None = None) -> None:
         self.phase = phase
-        mode = None if running is None else running.settings.mode
+        mode = None if running is None else running.driver
         self.server.publish(
             "trial", {"phase": phase, "number": self._number, "mode": mode, "result": self._result}
         )
 
 
 def _at_goal(running: RunningTrial) -> str | None:
-    return "reached" if running.reached else None
+    return "reached" if running.reached and running.simulation.config.end == "reached" else None

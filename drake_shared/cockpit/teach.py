@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from drake_shared.cockpit.drive import drive
 from drake_shared.cockpit.server import DEFAULT_PORT
 from drake_shared.common.errors import RunError
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.scenario import Scenario, clearance_scorer
-from drake_shared.simulation.teaching import demonstration_of
+from drake_shared.simulation.config import SharedControlConfig
+from drake_shared.simulation.teaching import demonstration_of, human_alone
 from drake_shared.simulation.trial import Trial
 
 
@@ -15,6 +18,7 @@ def teach_by_mouse(
     scenario: Scenario,
     *,
     count: int | None = None,
+    config: SharedControlConfig | None = None,
     host: str = "127.0.0.1",
     port: int = DEFAULT_PORT,
     open_browser: bool = True,
@@ -27,6 +31,7 @@ def teach_by_mouse(
     Args:
         scenario: The task.
         count: Number of demonstrations; if None, the number of the scenario's routes.
+        config: Look-ahead, safety filter and faults; the human drives alone in any case.
         host, port, open_browser: See :func:`drake_shared.cockpit.drive.drive`.
 
     Raises:
@@ -35,7 +40,15 @@ def teach_by_mouse(
     """
     wanted = len(scenario.routes) if count is None else count
     collector = DemonstrationCollector(scenario, wanted)
-    drive(scenario, assist=False, host=host, port=port, open_browser=open_browser, on_trial=collector)
+    drive(
+        scenario,
+        config=dataclasses.replace(human_alone(config), end="reached"),
+        assist=False,
+        host=host,
+        port=port,
+        open_browser=open_browser,
+        on_trial=collector,
+    )
     if not collector.demonstrations:
         raise RunError("no demonstration reached the goal without contact")
     return Demonstrations(

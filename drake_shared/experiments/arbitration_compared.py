@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from drake_shared.analysis.statistics import Claim, at_least, claim, interval, not_worse, paired_claims
+from drake_shared.arbitration.authority import Authority
 from drake_shared.experiments.common import (
     ALONE_COST,
     TRIAL_COST,
@@ -19,16 +20,17 @@ from drake_shared.experiments.drawing import BLACK, COLOURS, PURPLE, legend_belo
 from drake_shared.experiments.paired_trials import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.runner import Task
 
 OPERATORS = ("primary", "unskilled", "switching")
-ARMS: Mapping[str, dict[str, Any]] = {
-    "human": {"arbitration": "human"},
-    "agent": {"arbitration": "agent"},
-    "halves": {"arbitration": "halves"},
-    "traded": {"arbitration": "traded"},
-    "blend": {"arbitration": "blend", "authority": False},
-    "guarded": {"arbitration": "blend", "authority": True},
+ARMS: Mapping[str, SharedControlConfig] = {
+    "human": SharedControlConfig(driver="human"),
+    "agent": SharedControlConfig(driver="agent"),
+    "halves": SharedControlConfig(arbitration="halves"),
+    "traded": SharedControlConfig(arbitration="traded"),
+    "blend": SharedControlConfig(authority=Authority(enabled=False)),
+    "guarded": SharedControlConfig(),
 }
 LABELS = {
     "human": "human alone",
@@ -102,7 +104,7 @@ def run_arms(scenario: str | None, kind: str, learners: list[int], trials: int) 
     """
     return [
         measured(
-            run(scenario, learner, **ARMS[arm], **settings(scenario, operator, index, trial)),
+            run(scenario, learner, config=ARMS[arm], **settings(scenario, operator, index, trial)),
             arm=arm,
             kind=kind,
             operator=operator,

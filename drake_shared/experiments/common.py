@@ -8,17 +8,15 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from drake_shared.analysis.metrics import metrics
-from drake_shared.arbitration.authority import authority_for
 from drake_shared.common.errors import RunError
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import Learner
 from drake_shared.learners.cnmp.parameters import PRESETS, TrainingParameters
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.scenario import Scenario, clearance_scorer, load_scenario
-from drake_shared.simulation.faults import Faults
+from drake_shared.simulation.config import SharedControlConfig, config_for
 from drake_shared.simulation.teaching import demonstration_of
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
-from drake_shared.systems.arbiters import DEFAULT
 
 # Three demonstrations need less than sixty: with half the samples and fewer iterations learners predict fresh
 # drives as well, in a fifth of the time, and an experiment can afford many.
@@ -75,20 +73,17 @@ def scenario_of(scenario: str | None) -> Scenario:
 @functools.cache
 def simulation_of(
     scenario: str | None,
-    arbitration: str = DEFAULT,
-    authority: bool | None = None,
-    faults: Faults | None = None,
+    config: SharedControlConfig,
 ) -> Simulation:
-    """The diagram of scenario, arbiter and faults, built once in a process; any learner may take part."""
-    return Simulation(scenario_of(scenario), arbiter=arbitration, authority=authority, faults=faults)
+    """The diagram of scenario and config, built once in a process; any learner may take part."""
+    return Simulation(scenario_of(scenario), config=config)
 
 
 def run(
     scenario: str | None,
     learner: Learner | None,
     *,
-    arbitration: str = DEFAULT,
-    authority: bool | None = None,
+    config: SharedControlConfig | None = None,
     **settings: Any,
 ) -> Trial:
     """One trial with a simulated operator.
@@ -96,13 +91,10 @@ def run(
     Args:
         scenario: File or name.
         learner: Takes part; the human drives alone without one.
-        arbitration: Name of the arbiter.
-        authority: What "blend" leaves to the human: the default, or nothing; by the learner's preset if None.
+        config: How control is shared; if None, the one that the learner's preset names.
         settings: See `drake_shared.simulation.trial.TrialSettings`.
     """
-    if authority is None and arbitration == DEFAULT:
-        authority = authority_for(None if learner is None else learner.preset) is not None
-    simulation = simulation_of(scenario, arbitration, authority)
+    simulation = simulation_of(scenario, config or config_for(None if learner is None else learner.preset))
     return simulation.run(TrialSettings(**settings), learner=learner)
 
 
@@ -139,6 +131,7 @@ def drives(
         RunError: The operator fails again and again.
     """
     world = scenario_of(scenario)
+    config = config_for(None if learner is None else learner.preset, end="duration")
     score = clearance_scorer(world)
     made = []
     for index in range(count):
@@ -147,11 +140,10 @@ def drives(
             trial = run(
                 scenario,
                 learner,
-                mode="human" if learner is None else "shared",
+                config=config,
                 route=route,
                 seed=seed + index + attempt * _NEXT_SEED,
                 behaviour=behaviour or Behaviour(),
-                end="duration",
             )
             if trial.status == "reached" and not trial["contact"].any():
                 break

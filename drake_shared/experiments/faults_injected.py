@@ -20,10 +20,10 @@ from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, 
 from drake_shared.experiments.paired_trials import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number, with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.faults import Faults
 from drake_shared.simulation.runner import Task
 from drake_shared.simulation.trial import Trial, TrialSettings
-from drake_shared.systems.arbiters import DEFAULT
 
 PRESET, OPERATOR = "default", "primary"
 ARMS = {"alone": "human alone", "assisted": "shared control"}
@@ -117,14 +117,12 @@ def run_faults(
         ("", 0.0),
         *((name, one) for name, values in severities.items() for one in values),
     ]:
-        simulation = simulation_of(scenario, DEFAULT, True, faults_of(fault, severity))
+        config = SharedControlConfig(faults=faults_of(fault, severity))
+        simulation = simulation_of(scenario, config)
         for arm in arms_of(fault):
             for index, learner in zip(learners, trained, strict=True):
                 for trial in range(trials):
-                    given = TrialSettings(
-                        mode="human" if arm == "alone" else "shared",
-                        **settings(scenario, OPERATOR, index, trial),
-                    )
+                    given = TrialSettings(**settings(scenario, OPERATOR, index, trial))
                     driven = simulation.run(given, learner=None if arm == "alone" else learner)
                     rows.append(
                         measured(
@@ -139,10 +137,10 @@ def run_faults(
     return rows
 
 
-def faults_of(fault: str, severity: float) -> Faults | None:
-    """What goes wrong; nothing if ``fault`` is empty."""
+def faults_of(fault: str, severity: float) -> Faults:
+    """The faults to inject; none if ``fault`` is empty."""
     if not fault:
-        return None
+        return Faults()
     more = {"freeze": {"freeze_time": _FREEZE_TIME}, "pose_noise": {"yaw_noise": severity}}.get(fault, {})
     return Faults(**{fault: severity, **more})
 

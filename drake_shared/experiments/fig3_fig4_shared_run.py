@@ -12,7 +12,6 @@ import numpy as np
 from drake_shared.analysis.ambiguity import PARTED, TOGETHER, Ambiguity, ambiguity, ranking, weights
 from drake_shared.analysis.replay import write_replay
 from drake_shared.analysis.statistics import Claim, claim, interval, paired_claims
-from drake_shared.arbitration.authority import authority_for
 from drake_shared.experiments.common import (
     TRIAL_COST,
     as_demonstrations,
@@ -29,6 +28,7 @@ from drake_shared.experiments.paired_trials import groups
 from drake_shared.experiments.report import with_interval
 from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
 from drake_shared.learners import Learner
+from drake_shared.simulation.config import config_for
 from drake_shared.simulation.runner import Task
 from drake_shared.simulation.trial import Trial, TrialSettings
 
@@ -138,7 +138,7 @@ def _shown(scenario: str | None, learner: Learner, trial: Trial, part: Ambiguity
 
 def _intentions(scenario: str | None, learner: Learner, trial: Trial) -> list[dict[str, Any]]:
     """The same trial again, stopped to ask where the robot is expected."""
-    simulation = simulation_of(scenario, authority=authority_for(learner.preset) is not None)
+    simulation = simulation_of(scenario, config_for(learner.preset))
     settings = TrialSettings(route=trial.metadata["route"], seed=trial.metadata["seed"])
     running = simulation.begin(settings, learner=learner)
     estimator = simulation.parts.estimator

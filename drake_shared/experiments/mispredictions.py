@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from drake_shared.analysis.statistics import Claim, at_least, never
+from drake_shared.arbitration.authority import Authority
 from drake_shared.experiments.common import (
     as_demonstrations,
     measured,
@@ -43,9 +44,9 @@ from drake_shared.experiments.misprediction_figures import paths, recoveries, su
 from drake_shared.experiments.paired_trials import by_learner, groups, settings, taught
 from drake_shared.experiments.report import number
 from drake_shared.experiments.section import Experiment, Picture, Section, Size
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.runner import Task
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
-from drake_shared.systems.arbiters import DEFAULT
 
 # Round a new obstacle three trials are enough: they take each route of the shipped scenarios once.
 _GROUP, _ROUND = 10, 3
@@ -244,7 +245,7 @@ def _run(scenario: str | None, drive: Drive, arm: str, learner: Any, told: Mappi
     if drive.then is not None:
         behaviour = dataclasses.replace(behaviour, switch_time=switch_time_in(scenario))
     given = TrialSettings(
-        mode="human" if arm == "human" else "shared",
+        driver="human" if arm == "human" else "shared",
         seed=told["seed"],
         route=drive.route,
         then=drive.then,
@@ -255,10 +256,11 @@ def _run(scenario: str | None, drive: Drive, arm: str, learner: Any, told: Mappi
 
 @functools.cache
 def _simulation(scenario: str | None, variant: tuple[str, int] | None, authority: bool) -> Simulation:
+    config = SharedControlConfig(authority=Authority(enabled=authority))
     if variant is None:
-        return simulation_of(scenario, DEFAULT, authority)
+        return simulation_of(scenario, config)
     case, index = variant
-    return Simulation(variants(scenario, case)[index], authority=authority)
+    return Simulation(variants(scenario, case)[index], config=config)
 
 
 EXPERIMENT = Experiment(name="mispredictions", tasks=tasks, cost=cost, report=report)

@@ -60,7 +60,7 @@ def run_operator(scenario: str | None, name: str, trials: int) -> dict[str, Any]
             trial = run(
                 scenario,
                 learner,
-                mode=mode,
+                driver=mode,
                 route=route.name,
                 then=None if then is None else then.name,
                 seed=_SEED + 1_000 + index,

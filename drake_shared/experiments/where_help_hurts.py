@@ -80,7 +80,6 @@ def run_maps(
             run(
                 scenario,
                 taking_part,
-                mode="human" if taking_part is None else "shared",
                 **{
                     **settings(scenario, "primary", index, trial),
                     "behaviour": Behaviour(skill=skill, **{name: value}),

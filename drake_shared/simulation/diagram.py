@@ -3,43 +3,52 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydrake.common import RandomDistribution
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Role, SceneGraph
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import Multiplexer, RandomSource, VectorLogSink
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource, Multiplexer, RandomSource, VectorLogSink
 
-from drake_shared.arbitration.authority import Authority
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
 from drake_shared.learners.no_learner import NoLearner
+from drake_shared.robots import DiffDrive, Robot
 from drake_shared.scenario import Scenario
 from drake_shared.scenario.obstacles import register_obstacles
+from drake_shared.simulation.config import SharedControlConfig, config_for
 from drake_shared.simulation.fault_injection import FaultInjection
-from drake_shared.simulation.faults import Faults
-from drake_shared.systems.arbiters import DEFAULT, check_arbiter, describe_arbiter, make_arbiter
+from drake_shared.systems.arbiter import Arbiter
+from drake_shared.systems.arbiter_guard import ArbiterGuard
+from drake_shared.systems.arbiters import check_arbiter, describe_arbiter, make_arbiter
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.dynamic_plant import DynamicPlant
 from drake_shared.systems.intention_estimator import IntentionEstimator
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
 from drake_shared.systems.moving_obstacles import AddMovingObstacles
+from drake_shared.systems.ports import check_ports
+from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.safety_filter import SafetyFilter
 from drake_shared.systems.surrogate_operator import SurrogateOperator
 from drake_shared.systems.waypoint_controller import WaypointController
 
-LOG_COLUMNS = (
-    *("x", "y", "yaw"),
-    *("human_left", "human_right"),
-    *("autonomous_left", "autonomous_right"),
-    *("shared_left", "shared_right"),
-    *("wheel_left", "wheel_right"),
-    *("confidence", "human_weight", "mean_variance", "clearance", "contact"),
-    *("moved_by_pose", "moved_by_command"),
-)
-# What the robot is told, if a safety filter stands between.
-SAFETY_COLUMNS = ("safe_left", "safe_right")
+_DISTRIBUTIONS = {"noise": RandomDistribution.kGaussian, "chance": RandomDistribution.kUniform}
+# They stand for someone who is at the controls from the start.
+_PRESENT_OPERATORS = (SurrogateOperator, RecordedInput)
+
+
+def log_columns(robot: Robot) -> tuple[str, ...]:
+    """Names of the columns that every log of trials with ``robot`` has, but for the time."""
+    commands = [f"{who}_{name}" for who in ("human", "autonomous", "shared") for name in robot.command_names]
+    measures = ("confidence", "human_weight", "mean_variance", "clearance", "contact")
+    influence = ("moved_by_pose", "moved_by_command")
+    return (*robot.configuration_names, *commands, *robot.speed_names, *measures, *influence)
+
+
+LOG_COLUMNS = log_columns(DiffDrive())
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,256 +56,428 @@ class SharedControl:
     """The parts of a shared-control loop in a diagram.
 
     Attributes:
+        config: How control is shared.
         operator: The human input source.
-        estimator: Predicts where the person is heading.
-        controller: Steers the way predicted.
-        blender: Divides the control.
-        arbitration: Its name and its whole configuration, as a log keeps them.
-        plant: The robot: a :class:`DynamicPlant` if the scenario's ``plant`` is dynamic.
+        estimator: Predicts where the human is heading.
+        controller: Moves toward the predicted position.
+        arbiter: Divides the control.
+        driver_switch: Where the driver is set: the arbiter, or the guard of one that is no `Arbiter`.
+        arbitration: Name and configuration of the arbiter, as a log holds them.
+        plant: The robot; a :class:`DynamicPlant` if the scenario's ``plant`` is dynamic.
         scene_graph: Holds the obstacles.
         log_sink: Logs ``columns``, one row a control period.
         columns: Names of the logged values; those that operator, safety filter and faults add come last.
-        safety_filter: Keeps the robot clear of obstacles, if asked for.
+        safety_filter: Keeps the robot clear of obstacles, if the config has a safety clearance.
     """
 
+    config: SharedControlConfig
     operator: LeafSystem
     estimator: IntentionEstimator
-    controller: WaypointController
-    blender: LeafSystem
+    controller: LeafSystem
+    arbiter: LeafSystem
+    driver_switch: Arbiter
     arbitration: dict[str, Any]
-    plant: DiffDrivePlant
+    plant: LeafSystem
     scene_graph: SceneGraph
     log_sink: VectorLogSink
     columns: tuple[str, ...]
     safety_filter: SafetyFilter | None = None
+
+    def SetDriver(self, root: Context, driver: str) -> None:
+        """Sets who drives, "shared", "human" or "agent", in the Context of the whole diagram."""
+        self.driver_switch.SetDriver(self.driver_switch.GetMyMutableContextFromRoot(root), driver)
+
+    def release_reason(self, root: Context) -> str | None:
+        """Why the agent gives up control now; see `drake_shared.systems.arbiter.Arbiter`."""
+        return self.driver_switch.release_reason(self.driver_switch.GetMyContextFromRoot(root))
 
 
 def AddSharedControl(
     builder: DiagramBuilder,
     *,
     scenario: Scenario,
+    config: SharedControlConfig | None = None,
     learner: Learner | None = None,
     operator: LeafSystem | None = None,
-    arbiter: LeafSystem | str = DEFAULT,
-    authority: Authority | bool | None = None,
-    look_ahead: float = 0.6,
-    safety_clearance: float | None = None,
-    faults: Faults | None = None,
+    arbiter: LeafSystem | None = None,
+    controller: LeafSystem | None = None,
+    plant: LeafSystem | None = None,
     meshcat: Meshcat | None = None,
+    prefix: str = "",
 ) -> SharedControl:
-    """Adds the whole loop to ``builder``; :func:`MakeSharedControlDiagram` says what the arguments mean."""
-    period = scenario.control_period
-    operator = operator or SurrogateOperator(scenario=scenario)
-    preset = None if learner is None else learner.preset
-    learner = learner or NoLearner(scenario.duration)
-
-    scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-    register_obstacles(scene_graph, scenario.static_obstacles)
-    AddMovingObstacles(builder, scene_graph, scenario.obstacles)
-    operator = builder.AddNamedSystem("operator", operator)
-    estimator = builder.AddNamedSystem(
-        "intention_estimator", IntentionEstimator(learner=learner, robot=scenario.robot, period=period)
-    )
-    controller = builder.AddNamedSystem(
-        "waypoint_controller", WaypointController(robot=scenario.robot, look_ahead=look_ahead)
-    )
-    if isinstance(arbiter, str):
-        blender = make_arbiter(arbiter, scenario, preset=preset, authority=authority)
-        arbitration = describe_arbiter(blender, arbiter)
-    else:
-        if authority is not None:
-            raise InputError("authority", "", "must be left out where a system divides the control")
-        blender = arbiter
-        check_arbiter(blender, type(blender).__name__)
-        arbitration = describe_arbiter(blender)
-    known = "confidence_blender" if isinstance(blender, ConfidenceBlender) else "arbiter"
-    blender = builder.AddNamedSystem(known, blender)
-    # The looks of the robot cost time in every step, and serve only those who look.
-    plant = builder.AddNamedSystem("diff_drive_plant", _plant(scenario, scene_graph if meshcat else None))
-    pose = plant.GetOutputPort("pose")
-    human = operator.GetOutputPort("human_command")
-    autonomous = controller.GetOutputPort("autonomous_command")
-    shared = blender.GetOutputPort("shared_command")
-    weight = blender.GetOutputPort("human_weight")
-    injected = FaultInjection(builder, faults, period)
-    received = injected.channel(human)
-    seen, shown_pose = injected.pose(pose)
-    intention, confidence = injected.learner(
-        estimator.GetOutputPort("intention"), estimator.GetOutputPort("confidence")
-    )
-
-    builder.Connect(seen, estimator.GetInputPort("pose"))
-    builder.Connect(received, estimator.GetInputPort("human_command"))
-    builder.Connect(seen, controller.GetInputPort("pose"))
-    builder.Connect(intention, controller.GetInputPort("intention"))
-    builder.Connect(received, blender.GetInputPort("human_command"))
-    builder.Connect(autonomous, blender.GetInputPort("autonomous_command"))
-    builder.Connect(confidence, blender.GetInputPort("confidence"))
-    if blender.HasInputPort("idle_time") and operator.HasOutputPort("idle_time"):
-        builder.Connect(operator.GetOutputPort("idle_time"), blender.GetInputPort("idle_time"))
-    safety_filter, applied = None, shared
-    if safety_clearance is not None:
-        safety_filter = builder.AddNamedSystem(
-            "safety_filter",
-            SafetyFilter(
-                robot=scenario.robot,
-                clearance=safety_clearance,
-                period=period,
-                obstacles=scenario.obstacles,
-            ),
-        )
-        builder.Connect(seen, safety_filter.GetInputPort("pose"))
-        builder.Connect(plant.GetOutputPort("wheel_speed"), safety_filter.GetInputPort("wheel_speed"))
-        builder.Connect(shared, safety_filter.GetInputPort("wheel_command"))
-        builder.Connect(scene_graph.get_query_output_port(), safety_filter.GetInputPort("geometry_query"))
-        applied = safety_filter.GetOutputPort("safe_command")
-    builder.Connect(injected.wheels(applied), plant.GetInputPort("wheel_command"))
-    builder.Connect(scene_graph.get_query_output_port(), plant.GetInputPort("geometry_query"))
-    # The operator's command is state, so what it reads of the loop reaches it one step late.
-    offered = {"pose": shown_pose, "human_weight": weight, "shared_command": shared}
-    for name, port in offered.items():
-        if operator.HasInputPort(name):
-            builder.Connect(port, operator.GetInputPort(name))
-    # Chance last: what a seed draws for the noise does not depend on it.
-    drawn = {"noise": RandomDistribution.kGaussian, "chance": RandomDistribution.kUniform}
-    for name, distribution in drawn.items():
-        if operator.HasInputPort(name):
-            port = operator.GetInputPort(name)
-            source = builder.AddNamedSystem(
-                f"operator_{name}", RandomSource(distribution, port.size(), period)
-            )
-            builder.Connect(source.get_output_port(), port)
-    injected.add_chance()
-
-    logged = [pose, human, autonomous, shared, plant.GetOutputPort("wheel_speed")]
-    logged += [estimator.GetOutputPort("confidence"), weight, estimator.GetOutputPort("mean_variance")]
-    logged += [plant.GetOutputPort("clearance"), plant.GetOutputPort("contact")]
-    logged += [estimator.GetOutputPort("influence")]
-    columns: tuple[str, ...] = LOG_COLUMNS
-    for name, extra in getattr(operator, "log_columns", {}).items():
-        logged.append(operator.GetOutputPort(name))
-        columns += tuple(extra)
-    if safety_filter is not None:
-        logged.append(applied)
-        columns += SAFETY_COLUMNS
-    for names, extra in injected.logged.items():
-        logged.append(extra)
-        columns += names
-    multiplexer = builder.AddNamedSystem("log_multiplexer", Multiplexer([port.size() for port in logged]))
-    for index, port in enumerate(logged):
-        builder.Connect(port, multiplexer.get_input_port(index))
-    log_sink = builder.AddNamedSystem("log_sink", VectorLogSink(len(columns), period))
-    builder.Connect(multiplexer.get_output_port(), log_sink.get_input_port())
-
-    if meshcat is not None:
-        builder.Connect(
-            plant.GetOutputPort("geometry_pose"), scene_graph.get_source_pose_port(plant.source_id())
-        )
-        looks = MeshcatVisualizerParams(role=Role.kIllustration, prefix="scene", publish_period=period)
-        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, looks)
-        visualizer = builder.AddNamedSystem(
-            "intention_visualizer",
-            IntentionVisualizer(meshcat=meshcat, robot=scenario.robot, period=2 * period),
-        )
-        shown = {
-            "pose": pose,
-            "intention": estimator.GetOutputPort("intention"),
-            "human_weight": weight,
-            "human_command": human,
-            "autonomous_command": autonomous,
-            "shared_command": shared,
-        }
-        for name, port in shown.items():
-            builder.Connect(port, visualizer.GetInputPort(name))
-    return SharedControl(
-        operator=operator,
-        estimator=estimator,
+    """Adds the whole loop to ``builder``; the arguments are those of :func:`MakeSharedControlDiagram`."""
+    config = config or config_for(None if learner is None else learner.preset)
+    config.faults.check_duration(scenario.duration)
+    if builder.HasSubsystemNamed(f"{prefix}operator"):
+        raise InputError("prefix", "", "must differ from that of the other loop in the builder", repr(prefix))
+    loop = _Loop(builder, scenario, config, prefix)
+    return loop.wire(
+        learner=learner,
+        operator=operator or SurrogateOperator(scenario=scenario),
+        arbiter=arbiter,
         controller=controller,
-        blender=blender,
-        arbitration=arbitration,
         plant=plant,
-        scene_graph=scene_graph,
-        log_sink=log_sink,
-        columns=columns,
-        safety_filter=safety_filter,
-    )
-
-
-def _plant(scenario: Scenario, scene_graph: SceneGraph | None) -> DiffDrivePlant:
-    robot, start, period = scenario.robot, scenario.start, scenario.control_period
-    if scenario.plant == "kinematic":
-        moving = any(item.path for item in scenario.obstacles)
-        return DiffDrivePlant(
-            robot=robot, start=start, period=period, scene_graph=scene_graph, obstacles_move=moving
-        )
-    return DynamicPlant(
-        robot=robot, obstacles=scenario.obstacles, start=start, period=period, scene_graph=scene_graph
+        meshcat=meshcat,
     )
 
 
 def MakeSharedControlDiagram(
     scenario: Scenario,
     *,
+    config: SharedControlConfig | None = None,
     learner: Learner | None = None,
     operator: LeafSystem | None = None,
-    arbiter: LeafSystem | str = DEFAULT,
-    authority: Authority | bool | None = None,
-    look_ahead: float = 0.6,
-    safety_clearance: float | None = None,
-    faults: Faults | None = None,
+    arbiter: LeafSystem | None = None,
+    controller: LeafSystem | None = None,
+    plant: LeafSystem | None = None,
     meshcat: Meshcat | None = None,
+    prefix: str = "",
 ) -> Diagram:
     """Wires the shared-control loop for ``scenario``.
 
+    .. pydrake_system::
+
+        name: shared_control
+        output_ports:
+        - pose
+        - human_command
+        - autonomous_command
+        - shared_command
+        - human_weight
+        - confidence
+
     The systems are named operator, intention_estimator, waypoint_controller, confidence_blender (arbiter, if
-    another one divides the control), diff_drive_plant, scene_graph and log_sink;
-    ``diagram.GetSubsystemByName`` finds them.
+    it is another one), diff_drive_plant (plant, if it is given), scene_graph and log_sink, after ``prefix``;
+    ``diagram.GetSubsystemByName`` finds them. An operator of one's own replaces an input port of the diagram:
+    its command must be state, which no fixed port is.
 
     Args:
         scenario: The task.
-        learner: Any object with the learners' ``predict``; without one the human drives alone.
-        operator: Any LeafSystem with an output port ``human_command`` (2), [left, right] in [rad/s], that
-            is state. Input ports named ``pose``, ``human_weight``, ``shared_command``, ``noise`` (Gaussian)
-            or ``chance`` (uniform) are connected if it has them, and so is an output port ``idle_time`` (1),
-            the time since the controls were last touched, in [s], that is state. An attribute ``log_columns``
-            (port name to column names) adds columns to the log. A :class:`SurrogateOperator` if None.
-        arbiter: Who divides the control: a name or a system, see `drake_shared.systems.arbiters`.
-        authority: What "blend" leaves to the human: True is the default, False nothing; by the learner's
-            preset if None: nothing with "paper" and without a learner.
-        look_ahead: Of the agent's controller, in [s].
-        safety_clearance: If given, a :class:`SafetyFilter` named safety_filter keeps it, in [m], and what
-            the robot is told is logged as safe_left and safe_right.
-        faults: What goes wrong on purpose. Only the systems that it takes are inserted (channel_fault,
-            pose_fault, learner_fault, wheel_slip), and what they let through is logged as received_left and
-            _right, seen_x, _y and _yaw, heard_confidence, slipped_left and _right; the other columns hold
-            what is true: what the human gave, where the robot is, what the learner said. Operator, agent and
-            safety filter go by the pose that is seen; the plant does not.
-        meshcat: Shows scene and intention there, if given.
+        config: How control is shared. If None, the one that the learner's preset names, see
+            :func:`drake_shared.simulation.config.config_for`.
+        learner: Predicts intentions; without one the human drives alone.
+        operator: Any LeafSystem with an output port ``human_command`` (M) that is state. Its input ports
+            named ``pose``, ``human_weight``, ``shared_command``, ``noise`` (Gaussian) or ``chance`` (uniform)
+            are connected; it has no others. An output port ``idle_time`` (1), the time since the controls
+            were last touched in [s], is used too and must be state. An attribute ``log_columns`` (port name
+            to column names) adds columns to the log. A :class:`SurrogateOperator` if None.
+        arbiter: A system in place of the config's arbiter; see `drake_shared.systems.arbiters`.
+        controller: A system in place of :class:`WaypointController`: inputs ``pose`` and ``intention``,
+            output ``autonomous_command`` (M).
+        plant: A system in place of the scenario's plant: input ``wheel_command`` (M), outputs ``pose`` and
+            ``wheel_speed``, all state but for their names and sizes as the robot states them; optionally the
+            input ``geometry_query`` and the outputs ``clearance`` (1) and ``contact`` (1).
+        meshcat: Shows scene and intention.
+        prefix: Of the names of all systems, for several loops in one builder.
+
+    With faults, the systems channel_fault, pose_fault, learner_fault and wheel_slip are inserted where they
+    are needed. Their outputs are logged as received_left and _right, seen_x, _y and _yaw, heard_confidence,
+    slipped_left and _right; the other columns hold the true values. Operator, agent and safety filter receive
+    the measured pose, the plant does not. With a safety clearance, its command is logged as safe_left and
+    safe_right.
 
     Raises:
-        InputError: There is no arbiter of that name, or it lacks a port or has no authority to be set; the
-            robot's SDF file cannot be used.
+        InputError: There is no arbiter of that name; a system lacks a port, or has an input that nothing
+            connects; the robot's SDF file cannot be used.
     """
     builder = DiagramBuilder()
     parts = AddSharedControl(
         builder,
         scenario=scenario,
+        config=config,
         learner=learner,
         operator=operator,
         arbiter=arbiter,
-        authority=authority,
-        look_ahead=look_ahead,
-        safety_clearance=safety_clearance,
-        faults=faults,
+        controller=controller,
+        plant=plant,
         meshcat=meshcat,
+        prefix=prefix,
     )
+    exported = {
+        "pose": parts.plant,
+        "human_command": parts.operator,
+        "autonomous_command": parts.controller,
+        "shared_command": parts.driver_switch,
+        "human_weight": parts.driver_switch,
+        "confidence": parts.estimator,
+    }
+    for name, system in exported.items():
+        builder.ExportOutput(system.GetOutputPort(name), name)
     diagram = builder.Build()
-    diagram.set_name("shared_control")
-    for part in (parts.operator, parts.estimator):
-        assert diagram.GetSubsystemByName(part.get_name()) is part
+    diagram.set_name(f"{prefix}shared_control")
     return diagram
 
 
-def shared_control_context(system: LeafSystem, root: Context) -> Context:
-    """The part of a root Context that belongs to ``system``, to be changed before a trial."""
-    return system.GetMyMutableContextFromRoot(root)
+class _Loop:
+    """Adds the systems of one loop, in an order on which the random numbers of a seed depend."""
+
+    def __init__(
+        self, builder: DiagramBuilder, scenario: Scenario, config: SharedControlConfig, prefix: str
+    ) -> None:
+        self._builder = builder
+        self._scenario = scenario
+        self._config = config
+        self._prefix = prefix
+        self._robot = scenario.robot
+        self._period = scenario.control_period
+
+    def wire(
+        self,
+        *,
+        learner: Learner | None,
+        operator: LeafSystem,
+        arbiter: LeafSystem | None,
+        controller: LeafSystem | None,
+        plant: LeafSystem | None,
+        meshcat: Meshcat | None,
+    ) -> SharedControl:
+        scenario, config, robot, period = self._scenario, self._config, self._robot, self._period
+        scene_graph = self._add("scene_graph", SceneGraph())
+        register_obstacles(scene_graph, scenario.static_obstacles)
+        AddMovingObstacles(self._builder, scene_graph, scenario.obstacles)
+        check_ports(operator, "operator", outputs={"human_command": len(robot.command_names)})
+        self._add("operator", operator)
+        estimator = self._add(
+            "intention_estimator",
+            IntentionEstimator(learner=learner or NoLearner(scenario.duration), robot=robot, period=period),
+        )
+        controller = self._add("waypoint_controller", self._controller(controller))
+        present = isinstance(operator, _PRESENT_OPERATORS)
+        driver = "human" if learner is None else config.driver
+        arbiter, arbitration = self._arbiter(arbiter, driver, idle_time=0.0 if present else math.inf)
+        self._add("confidence_blender" if isinstance(arbiter, ConfidenceBlender) else "arbiter", arbiter)
+        own_plant = plant is not None
+        plant = self._add(
+            "plant" if own_plant else "diff_drive_plant", self._plant(plant, scene_graph, meshcat)
+        )
+
+        pose = plant.GetOutputPort("pose")
+        human = operator.GetOutputPort("human_command")
+        clearance, contact = (self._plant_output(plant, name) for name in ("clearance", "contact"))
+        injected = FaultInjection(
+            self._builder, config.faults, robot=robot, period=period, prefix=self._prefix
+        )
+        received = injected.channel(human)
+        measured, shown_pose = injected.pose(pose)
+        intention, confidence = injected.learner(
+            estimator.GetOutputPort("intention"), estimator.GetOutputPort("confidence")
+        )
+        self._connect(estimator, {"pose": measured, "human_command": received})
+        self._connect(controller, {"pose": measured, "intention": intention})
+        autonomous = controller.GetOutputPort("autonomous_command")
+        commands = {"human_command": received, "autonomous_command": autonomous, "confidence": confidence}
+        offered = {"pose": measured, "intention": intention, "clearance": clearance}
+        if operator.HasOutputPort("idle_time"):
+            offered["idle_time"] = operator.GetOutputPort("idle_time")
+        self._connect(arbiter, commands | _wanted(arbiter, offered))
+        driver_switch = self._driver_switch(arbiter, arbitration["name"], driver, commands)
+        shared = driver_switch.GetOutputPort("shared_command")
+        weight = driver_switch.GetOutputPort("human_weight")
+        query = scene_graph.get_query_output_port()
+        safety_filter, applied = self._safety_filter(measured, plant, shared, query)
+        self._connect(plant, {"wheel_command": injected.wheels(applied)})
+        self._connect(plant, _wanted(plant, {"geometry_query": query}))
+        # The operator's command is state, so what it reads of the loop reaches it one step late.
+        looped = {"pose": shown_pose, "human_weight": weight, "shared_command": shared}
+        self._connect(operator, _wanted(operator, looped))
+        # Faults last: the random numbers that a seed gives the operator must not depend on them.
+        self._add_noise(operator)
+        injected.add_noise()
+        self._check_inputs(operator, [*looped, *_DISTRIBUTIONS], "operator")
+
+        logged = [pose, human, autonomous, shared, plant.GetOutputPort("wheel_speed")]
+        logged += [estimator.GetOutputPort("confidence"), weight, estimator.GetOutputPort("mean_variance")]
+        logged += [clearance, contact, estimator.GetOutputPort("influence")]
+        columns = log_columns(robot)
+        for name, extra in getattr(operator, "log_columns", {}).items():
+            logged.append(operator.GetOutputPort(name))
+            columns += tuple(extra)
+        if safety_filter is not None:
+            logged.append(applied)
+            columns += tuple(f"safe_{name}" for name in robot.command_names)
+        for names, port in injected.logged.items():
+            logged.append(port)
+            columns += names
+        log_sink = self._add_log(logged, len(columns))
+        if meshcat is not None:
+            shown = {
+                "pose": pose,
+                "intention": estimator.GetOutputPort("intention"),
+                "human_weight": weight,
+                "human_command": human,
+                "autonomous_command": autonomous,
+                "shared_command": shared,
+            }
+            self._add_visualizers(meshcat, scene_graph, plant, shown)
+        return SharedControl(
+            config=config,
+            operator=operator,
+            estimator=estimator,
+            controller=controller,
+            arbiter=arbiter,
+            driver_switch=driver_switch,
+            arbitration=arbitration,
+            plant=plant,
+            scene_graph=scene_graph,
+            log_sink=log_sink,
+            columns=columns,
+            safety_filter=safety_filter,
+        )
+
+    def _add(self, name: str, system: Any) -> Any:
+        return self._builder.AddNamedSystem(f"{self._prefix}{name}", system)
+
+    def _connect(self, system: LeafSystem, ports: Mapping[str, OutputPort]) -> None:
+        for name, port in ports.items():
+            self._builder.Connect(port, system.GetInputPort(name))
+
+    def _controller(self, controller: LeafSystem | None) -> LeafSystem:
+        robot = self._robot
+        if controller is None:
+            return WaypointController(robot=robot, look_ahead=self._config.look_ahead)
+        check_ports(
+            controller,
+            "controller",
+            inputs={"pose": len(robot.configuration_names), "intention": None},
+            outputs={"autonomous_command": len(robot.command_names)},
+        )
+        return controller
+
+    def _arbiter(
+        self, arbiter: LeafSystem | None, driver: str, *, idle_time: float
+    ) -> tuple[LeafSystem, dict[str, Any]]:
+        config = self._config
+        if arbiter is not None:
+            check_arbiter(arbiter, type(arbiter).__name__, robot=self._robot)
+            return arbiter, describe_arbiter(arbiter)
+        arbiter = make_arbiter(
+            config.arbitration,
+            robot=self._robot,
+            period=self._period,
+            options=config.arbitration_options,
+            authority=config.authority,
+            driver=driver,
+            initial_idle_time=idle_time,
+        )
+        return arbiter, describe_arbiter(arbiter, config.arbitration)
+
+    def _driver_switch(
+        self, arbiter: LeafSystem, name: str, driver: str, commands: Mapping[str, OutputPort]
+    ) -> Arbiter:
+        """The system in which the driver is set."""
+        if isinstance(arbiter, Arbiter) and arbiter.default_driver == driver:
+            return arbiter
+        guard = ArbiterGuard(name, robot=self._robot, period=self._period, driver=driver)
+        self._add("arbiter_guard", guard)
+        watched = {
+            "arbiter_command": arbiter.GetOutputPort("shared_command"),
+            "arbiter_weight": arbiter.GetOutputPort("human_weight"),
+        }
+        self._connect(guard, {**commands, **watched})
+        return guard
+
+    def _plant(
+        self, plant: LeafSystem | None, scene_graph: SceneGraph, meshcat: Meshcat | None
+    ) -> LeafSystem:
+        scenario, robot = self._scenario, self._robot
+        if plant is not None:
+            check_ports(
+                plant,
+                "plant",
+                inputs={"wheel_command": len(robot.command_names)},
+                outputs={"pose": len(robot.configuration_names), "wheel_speed": len(robot.speed_names)},
+            )
+            return plant
+        # Illustration geometry costs time in every step, and serves only those who look.
+        drawn_in = scene_graph if meshcat else None
+        if scenario.plant == "kinematic":
+            return DiffDrivePlant(
+                robot=robot,
+                start=scenario.start,
+                period=self._period,
+                scene_graph=drawn_in,
+                obstacles_move=any(item.path for item in scenario.obstacles),
+            )
+        return DynamicPlant(
+            robot=robot,
+            obstacles=scenario.obstacles,
+            start=scenario.start,
+            period=self._period,
+            scene_graph=drawn_in,
+        )
+
+    def _plant_output(self, plant: LeafSystem, name: str) -> OutputPort:
+        """Clearance or contact; a plant that has no such port is clear of everything."""
+        if plant.HasOutputPort(name):
+            return plant.GetOutputPort(name)
+        constant = ConstantVectorSource([math.inf if name == "clearance" else 0.0])
+        port: OutputPort = self._add(f"no_{name}", constant).get_output_port()
+        return port
+
+    def _safety_filter(
+        self, pose: OutputPort, plant: LeafSystem, shared: OutputPort, query: OutputPort
+    ) -> tuple[SafetyFilter | None, OutputPort]:
+        """The filter and its command, or None and the shared command."""
+        clearance = self._config.safety_clearance
+        if clearance is None:
+            return None, shared
+        safety_filter = self._add(
+            "safety_filter",
+            SafetyFilter(
+                robot=self._robot,
+                clearance=clearance,
+                period=self._period,
+                obstacles=self._scenario.obstacles,
+            ),
+        )
+        speed = plant.GetOutputPort("wheel_speed")
+        inputs = {"pose": pose, "wheel_speed": speed, "wheel_command": shared, "geometry_query": query}
+        self._connect(safety_filter, inputs)
+        return safety_filter, safety_filter.GetOutputPort("safe_command")
+
+    def _add_noise(self, operator: LeafSystem) -> None:
+        for name, distribution in _DISTRIBUTIONS.items():
+            if operator.HasInputPort(name):
+                port = operator.GetInputPort(name)
+                source = RandomSource(distribution, port.size(), self._period)
+                self._add(f"operator_{name}", source)
+                self._builder.Connect(source.get_output_port(), port)
+
+    def _check_inputs(self, system: LeafSystem, known: Sequence[str], role: str) -> None:
+        """Refuses inputs that nothing connects."""
+        for index in range(system.num_input_ports()):
+            name = system.get_input_port(index).get_name()
+            if name not in known:
+                expected = f"is an input that nothing connects; known are {', '.join(known)}"
+                raise InputError(f"{role} {type(system).__name__}", name, expected)
+
+    def _add_log(self, ports: Sequence[OutputPort], size: int) -> VectorLogSink:
+        multiplexer = self._add("log_multiplexer", Multiplexer([port.size() for port in ports]))
+        for index, port in enumerate(ports):
+            self._builder.Connect(port, multiplexer.get_input_port(index))
+        log_sink = self._add("log_sink", VectorLogSink(size, self._period))
+        self._builder.Connect(multiplexer.get_output_port(), log_sink.get_input_port())
+        return log_sink
+
+    def _add_visualizers(
+        self,
+        meshcat: Meshcat,
+        scene_graph: SceneGraph,
+        plant: LeafSystem,
+        shown: Mapping[str, OutputPort],
+    ) -> None:
+        period = self._period
+        if isinstance(plant, DiffDrivePlant):
+            source = scene_graph.get_source_pose_port(plant.source_id())
+            self._builder.Connect(plant.GetOutputPort("geometry_pose"), source)
+        parameters = MeshcatVisualizerParams(
+            role=Role.kIllustration, prefix=f"{self._prefix}scene", publish_period=period
+        )
+        MeshcatVisualizer.AddToBuilder(self._builder, scene_graph, meshcat, parameters)
+        visualizer = IntentionVisualizer(meshcat=meshcat, robot=self._robot, period=2 * period)
+        self._connect(self._add("intention_visualizer", visualizer), shown)
+
+
+def _wanted(system: LeafSystem, ports: Mapping[str, OutputPort]) -> dict[str, OutputPort]:
+    """Those of ``ports`` for which ``system`` has an input port of that name."""
+    return {name: port for name, port in ports.items() if system.HasInputPort(name)}

@@ -22,21 +22,17 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventSta
 from pydrake.systems.primitives import VectorLog
 from threadpoolctl import threadpool_limits
 
-from drake_shared.arbitration.authority import Authority
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import replacing
 from drake_shared.demonstrations import LOG_FORMAT, METADATA_KEY
 from drake_shared.learners import Learner
 from drake_shared.scenario import Goal, Scenario
+from drake_shared.simulation.config import DRIVERS, SharedControlConfig
 from drake_shared.simulation.diagram import LOG_COLUMNS, AddSharedControl
-from drake_shared.simulation.faults import Faults
-from drake_shared.systems.arbiters import DEFAULT
-from drake_shared.systems.confidence_blender import MODES, ConfidenceBlender
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
 
 LOG_VERSION = 1
-ENDS = ("reached", "duration")
 # So many can be told apart by Drake's generator.
 _SEEDS = 2**32
 
@@ -46,31 +42,29 @@ class TrialSettings:
     """What differs from trial to trial.
 
     Attributes:
-        mode: "shared", "human" (alone) or "agent" (alone); only the arbiter "blend" has the last two.
+        driver: "shared", "human" or "agent"; the config's if None.
         seed: Of the simulated operator's noise.
         route: Name of the route that the operator means; for a person, the one instructed. None: unknown.
         then: Name of the route to which a simulated operator changes at ``behaviour.switch_time``, if any.
         behaviour: Of a simulated operator.
         recording: Shape (n, 2), commands in [rad/s] for :class:`RecordedInput`.
-        confidence_gain: K of eq. (1), in [1/m^2]; the learner's own if None.
-        end: "reached" ends the trial at the goal, "duration" always at T.
+        confidence_gain: K of eq. (1), in [1/m^2]; the config's if None.
+
+    Raises:
+        InputError: A value is out of range.
     """
 
-    mode: str = "shared"
+    driver: str | None = None
     seed: int = 0
     route: str | None = None
     then: str | None = None
     behaviour: Behaviour = dataclasses.field(default_factory=Behaviour)
     recording: np.ndarray | None = None
     confidence_gain: float | None = None
-    end: str = "reached"
 
     def __post_init__(self) -> None:
-        for name, known in (("end", ENDS), ("mode", MODES)):
-            if getattr(self, name) not in known:
-                raise InputError(
-                    "trial", name, f"must be one of {', '.join(known)}", repr(getattr(self, name))
-                )
+        if self.driver not in (None, *DRIVERS):
+            raise InputError("trial", "driver", f"must be one of {', '.join(DRIVERS)}", repr(self.driver))
         if not 0 <= self.seed < _SEEDS:
             raise InputError("trial", "seed", f"must be from 0 to {_SEEDS - 1}", self.seed)
         gain = self.confidence_gain
@@ -115,17 +109,13 @@ class Simulation:
     Args:
         scenario: The task.
         learner: Predicts intentions; the human drives alone without one.
-        operator: See :func:`drake_shared.simulation.diagram.MakeSharedControlDiagram`.
-        arbiter: Who divides the control: a name or a system, see `drake_shared.systems.arbiters`.
-        authority: What "blend" leaves to the human; as for
+        config: How control is shared; if None, the one that the learner's preset names.
+        operator, arbiter, controller, plant, meshcat: See
             :func:`drake_shared.simulation.diagram.MakeSharedControlDiagram`.
-        look_ahead: Of the agent's controller, in [s].
-        safety_clearance: Kept by a safety filter, in [m]; without one if None.
-        faults: What goes wrong on purpose.
-        meshcat: Shows the trials, if given.
 
     Raises:
-        InputError: There is no arbiter of that name, or it lacks a port or has no authority to be set.
+        InputError: There is no arbiter of that name; a system lacks a port, or has an input that nothing
+            connects.
     """
 
     def __init__(
@@ -133,12 +123,11 @@ class Simulation:
         scenario: Scenario,
         *,
         learner: Learner | None = None,
+        config: SharedControlConfig | None = None,
         operator: LeafSystem | None = None,
-        arbiter: LeafSystem | str = DEFAULT,
-        authority: Authority | bool | None = None,
-        look_ahead: float = 0.6,
-        safety_clearance: float | None = None,
-        faults: Faults | None = None,
+        arbiter: LeafSystem | None = None,
+        controller: LeafSystem | None = None,
+        plant: LeafSystem | None = None,
         meshcat: Meshcat | None = None,
     ) -> None:
         # A second thread for products this small costs up to twenty times what it saves, and changes bits.
@@ -147,36 +136,36 @@ class Simulation:
         self.learner = learner
         # In the metadata of every trial: made once, and never changed.
         self.scenario_as_data = dataclasses.asdict(scenario)
-        self.look_ahead = look_ahead
-        self.safety_clearance = safety_clearance
-        self.faults = faults
         builder = DiagramBuilder()
         self.parts = AddSharedControl(
             builder,
             scenario=scenario,
+            config=config,
             learner=learner,
             operator=operator,
             arbiter=arbiter,
-            authority=authority,
-            look_ahead=look_ahead,
-            safety_clearance=safety_clearance,
-            faults=faults,
+            controller=controller,
+            plant=plant,
             meshcat=meshcat,
         )
+        self.config = self.parts.config
         self.diagram = builder.Build()
         self.diagram.set_name("shared_control")
 
-    def begin(self, settings: TrialSettings, *, learner: Learner | None = None) -> RunningTrial:
-        """Sets a fresh Context up for a trial and stands at its start.
+    def begin(
+        self, settings: TrialSettings, *, learner: Learner | None = None, ends_at_goal: bool = True
+    ) -> RunningTrial:
+        """Sets up a fresh Context for a trial and stands at its start.
 
         Args:
             settings: Of the trial.
-            learner: Takes the place of the simulation's own in this trial.
+            learner: Replaces the simulation's own in this trial.
+            ends_at_goal: False leaves it to the caller to end the trial at the goal.
 
         Raises:
-            InputError: The settings name a route that the scenario has not, or a mode the arbiter has not.
+            InputError: The settings name a route that the scenario does not have.
         """
-        return RunningTrial(self, settings, learner or self.learner)
+        return RunningTrial(self, settings, learner or self.learner, ends_at_goal=ends_at_goal)
 
     def run(self, settings: TrialSettings, *, learner: Learner | None = None) -> Trial:
         """Runs a trial to its end, as fast as the machine allows; the arguments are those of `begin`."""
@@ -184,13 +173,17 @@ class Simulation:
         running.advance(self.scenario.duration)
         return running.finish()
 
+    def driver_of(self, settings: TrialSettings, learner: Learner | None) -> str:
+        """Who drives in a trial with ``learner``."""
+        return "human" if learner is None else settings.driver or self.config.driver
+
     def describe(self, settings: TrialSettings, *, learner: Learner | None = None) -> dict[str, Any]:
         """The metadata of a trial to be run, all but its status; the arguments are those of `begin`."""
         learner = learner or self.learner
-        gain = settings.confidence_gain
+        config, operator = self.config, self.parts.operator
+        gain = self._confidence_gain(settings)
         if gain is None and learner is not None:
             gain = learner.confidence_gain
-        operator = self.parts.operator
         described: dict[str, Any] = {
             "format": LOG_FORMAT,
             "version": LOG_VERSION,
@@ -201,19 +194,20 @@ class Simulation:
             "learner_file": None if learner is None else learner.metadata.get("file"),
             "preset": None if learner is None else learner.preset,
             "operator": type(operator).__name__,
-            "mode": self.mode_of(settings),
+            "config": config.to_json(),
+            "mode": self.driver_of(settings, learner),
             "arbitration": self.parts.arbitration,
             "route": settings.route,
             "then": settings.then,
             "seed": settings.seed,
-            "end": settings.end,
+            "end": config.end,
             "confidence_gain": gain,
-            "look_ahead": self.look_ahead,
+            "look_ahead": config.look_ahead,
         }
-        if self.safety_clearance is not None:
-            described["safety_clearance"] = self.safety_clearance
-        if self.faults is not None:
-            described["faults"] = self.faults.to_json()
+        if config.safety_clearance is not None:
+            described["safety_clearance"] = config.safety_clearance
+        if config.faults:
+            described["faults"] = config.faults.to_json()
         if isinstance(operator, SurrogateOperator):
             described["behaviour"] = dataclasses.asdict(settings.behaviour)
         if isinstance(operator, RecordedInput) and settings.recording is not None:
@@ -221,38 +215,35 @@ class Simulation:
             described["recording"] = hashlib.sha256(played.tobytes()).hexdigest()[:24]
         return described
 
-    def mode_of(self, settings: TrialSettings) -> str:
-        """Who drives: an arbiter that leaves one of the two alone is that mode of the blend."""
-        return getattr(self.parts.blender, "alone", None) or settings.mode
+    def _confidence_gain(self, settings: TrialSettings) -> float | None:
+        return self.config.confidence_gain if settings.confidence_gain is None else settings.confidence_gain
 
 
 class RunningTrial:
     """A trial under way. Not made directly: :meth:`Simulation.begin` does."""
 
-    def __init__(self, simulation: Simulation, settings: TrialSettings, learner: Learner | None) -> None:
+    def __init__(
+        self, simulation: Simulation, settings: TrialSettings, learner: Learner | None, *, ends_at_goal: bool
+    ) -> None:
         self.simulation = simulation
         self.settings = settings
         self.learner = learner
         scenario, parts = simulation.scenario, simulation.parts
         self._goal = scenario.goal
+        self._ends_at_goal = ends_at_goal and simulation.config.end == "reached"
         self._route = None if settings.route is None else scenario.route(settings.route)
         root = simulation.diagram.CreateDefaultContext()
         # First of all: it puts every parameter back to its default.
         simulation.diagram.SetRandomContext(root, RandomGenerator(settings.seed))
-        if isinstance(parts.blender, ConfidenceBlender):
-            parts.blender.set_mode(parts.blender.GetMyMutableContextFromRoot(root), settings.mode)
-        elif settings.mode != "shared":
-            name = parts.arbitration["name"]
-            raise InputError(
-                "trial", "mode", f"must be shared where {name!r} divides the control", settings.mode
-            )
+        self.driver = simulation.driver_of(settings, learner)
+        parts.SetDriver(root, self.driver)
         if learner is not None:
             parts.estimator.SetLearner(
                 parts.estimator.GetMyMutableContextFromRoot(root),
                 learner,
-                confidence_gain=settings.confidence_gain,
-                # An agent that is alone has nobody's command to go by.
-                use_human_command=simulation.mode_of(settings) != "agent",
+                confidence_gain=simulation._confidence_gain(settings),
+                # The agent alone takes no account of the human's command.
+                use_human_command=self.driver != "agent",
             )
         own = parts.operator.GetMyMutableContextFromRoot(root)
         if isinstance(parts.operator, SurrogateOperator):
@@ -264,7 +255,7 @@ class RunningTrial:
         self.simulator = Simulator(simulation.diagram, root)
         self.root = root
         self._log = parts.log_sink.FindLog(root)
-        if settings.end == "reached":
+        if self._ends_at_goal:
             # Not a method of this object: it owns the Simulator, and Python cannot see that cycle to free it.
             self.simulator.set_monitor(_goal_monitor(simulation.diagram, self._log, self._goal))
         self.simulator.Initialize()
@@ -287,7 +278,7 @@ class RunningTrial:
     def status(self) -> str | None:
         """ "reached" or "timed_out" once the trial is over, else None."""
         over = self.time >= self.simulation.scenario.duration - 1e-9
-        if self.reached and (over or self.settings.end == "reached"):
+        if self.reached and (over or self._ends_at_goal):
             return "reached"
         return "timed_out" if over else None
 
@@ -311,15 +302,45 @@ class RunningTrial:
         return Trial(columns=columns, metadata=described | {"status": status or self.status or "stopped"})
 
 
-def run_trial(scenario: Scenario, learner: Learner | None = None, **settings: Any) -> Trial:
+def run_trial(
+    scenario: Scenario,
+    learner: Learner | None = None,
+    *,
+    config: SharedControlConfig | None = None,
+    **settings: Any,
+) -> Trial:
     """Builds the diagram and runs one trial of a simulated operator; for many, keep a :class:`Simulation`.
 
     Args:
         scenario: The task.
         learner: Predicts intentions; the human drives alone without one.
+        config: How control is shared; if None, the one that the learner's preset names.
         settings: See :class:`TrialSettings`.
     """
-    return Simulation(scenario, learner=learner).run(TrialSettings(**settings))
+    return Simulation(scenario, learner=learner, config=config).run(TrialSettings(**settings))
+
+
+def settings_of_log(trial: Trial) -> TrialSettings:
+    """The settings with which a logged trial was run, without a recording.
+
+    With `drake_shared.simulation.config.config_of_log`, scenario and learner they give the same trial again.
+
+    Raises:
+        InputError: The log's metadata hold no valid settings.
+    """
+    metadata = trial.metadata
+    behaviour = metadata.get("behaviour", {})
+    try:
+        return TrialSettings(
+            driver=metadata["mode"],
+            seed=metadata.get("seed", 0),
+            route=metadata.get("route"),
+            then=metadata.get("then"),
+            behaviour=Behaviour(**behaviour),
+            confidence_gain=metadata.get("confidence_gain"),
+        )
+    except (KeyError, TypeError) as error:
+        raise InputError("the log", "metadata", f"must hold the settings of a trial ({error})") from error
 
 
 def write_log(trial: Trial, path: str | os.PathLike[str]) -> None:

@@ -1,13 +1,14 @@
-"""Which arbiters there are: those of this package, and those that others register.
+"""Arbiters by name: those of this package, and those that other packages register.
 
-An arbiter divides the control. It is a LeafSystem with the ports of
-`drake_shared.systems.confidence_blender.ConfidenceBlender`: inputs ``human_command`` (2),
-``autonomous_command`` (2) and ``confidence`` (1), outputs ``shared_command`` (2) and ``human_weight`` (1).
-What JSON can hold in an attribute ``configuration`` goes into every log.
+An arbiter is a LeafSystem with the inputs ``human_command`` (M), ``autonomous_command`` (M) and
+``confidence`` (1) and the outputs ``shared_command`` (M) and ``human_weight`` (1); a subclass of
+`drake_shared.systems.arbiter.Arbiter` has them already. Inputs named ``pose``, ``intention``, ``idle_time``
+or ``clearance`` are connected too. An attribute ``configuration``, a JSON-serializable dict, is kept in logs.
 
-One from outside is registered under its name in the entry point group ``drake_shared.arbiters``: a class, or
-anything else that returns such a system when called. It is given the arguments ``period`` (of the control
-step, in [s]) and ``robot`` if it takes them, and none else.
+Another package registers one in the entry point group ``drake_shared.arbiters``, under the name that
+``--arbitration`` takes: a class, or a function that returns the system. It is called with the keyword
+arguments ``robot`` and ``period`` (of the control step, in [s]) if it has such parameters, and with the
+options of ``--arbitration name:key=value``.
 """
 
 from __future__ import annotations
@@ -15,17 +16,20 @@ from __future__ import annotations
 import functools
 import inspect
 import json
-from collections.abc import Callable, Container
+import math
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from pydrake.systems.framework import LeafSystem, PortDataType
+from pydrake.systems.framework import LeafSystem
 
-from drake_shared.arbitration.authority import Authority, authority_for
+from drake_shared.arbitration.authority import Authority
 from drake_shared.common.entry_points import load_registered, registered_names
 from drake_shared.common.errors import InputError
-from drake_shared.scenario import Scenario
+from drake_shared.robots import DiffDrive, Robot
+from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.constant_weight_blender import ConstantWeightBlender
+from drake_shared.systems.ports import check_ports
 from drake_shared.systems.traded_control import TradedControl
 
 GROUP = "drake_shared.arbiters"
@@ -34,106 +38,108 @@ _BUILT_IN: dict[str, Callable[..., LeafSystem]] = {
     DEFAULT: ConfidenceBlender,
     "halves": functools.partial(ConstantWeightBlender, 0.5),
     "traded": TradedControl,
-    "human": functools.partial(ConstantWeightBlender, 1.0),
-    "agent": functools.partial(ConstantWeightBlender, 0.0),
 }
-_INPUTS = {"human_command": 2, "autonomous_command": 2, "confidence": 1}
-_OUTPUTS = {"shared_command": 2, "human_weight": 1}
 
 
 def arbiter_names() -> list[str]:
-    """Names of all arbiters that are registered."""
-    return sorted({*_BUILT_IN, *registered_names(GROUP)})
+    """Names of all registered arbiters, and "human" and "agent", which leave one of them alone."""
+    return sorted({*_BUILT_IN, "human", "agent", *registered_names(GROUP)})
 
 
 def make_arbiter(
     name: str,
-    scenario: Scenario,
     *,
-    preset: str | None = None,
-    authority: Authority | bool | None = None,
+    robot: Robot | None = None,
+    period: float = 0.05,
+    options: Mapping[str, float | str] | None = None,
+    authority: Authority | None = None,
+    driver: str = "shared",
+    initial_idle_time: float = math.inf,
 ) -> LeafSystem:
-    """A new arbiter of that name, for the robot and the control period of ``scenario``.
+    """Makes the arbiter of that name.
 
     Args:
-        name: As the command line calls it.
-        scenario: The task.
-        preset: Of the learner, which decides on the authority if nobody else does.
-        authority: What "blend" leaves to the human: True is the default, False nothing, None by preset.
+        name: As in ``--arbitration``.
+        robot: States names, units and limits of commands; the Pioneer if None.
+        period: Of the control step, in [s].
+        options: Further arguments of the arbiter, such as the threshold of "traded".
+        authority: What the human keeps with "blend".
+        driver: Who drives by default, if the arbiter has such a parameter.
+        initial_idle_time: See :class:`~drake_shared.systems.confidence_blender.ConfidenceBlender`.
 
     Raises:
-        InputError: There is none of that name, or what was registered cannot be imported, cannot be made or
-            has not the ports of an arbiter; or authority is asked of one that has none.
+        InputError: There is no arbiter of that name; a registered one cannot be imported or made, or lacks a
+            port; an option is unknown or out of range.
     """
-    make = _find(name)
-    offered = {"period": scenario.control_period, "robot": scenario.robot}
-    if name == DEFAULT:
-        if isinstance(authority, bool):
-            authority = Authority() if authority else None
-        elif authority is None:
-            authority = authority_for(preset)
-        make = functools.partial(make, authority=authority)
-    elif authority:
-        raise InputError("authority", "", f"must be left out where {name!r} divides the control")
+    make = _BUILT_IN.get(name) or load_registered(GROUP, name, source="arbitration")
+    if make is None:
+        raise InputError("arbitration", "", f"must be one of {', '.join(arbiter_names())}", repr(name))
+    robot = robot or DiffDrive()
+    given = {
+        "robot": robot,
+        "period": period,
+        "initial_idle_time": initial_idle_time,
+        "authority": authority,
+        "driver": driver,
+    }
+    parameters = _parameters(make)
+    given = {key: value for key, value in given.items() if key in parameters}
+    known = [key for key in parameters if key not in given]
+    for option in options or {}:
+        if option not in known:
+            has = f"has the options {', '.join(known)}" if known else "has no options"
+            raise InputError("arbitration_options", option, f"is unknown: {name!r} {has}")
     try:
-        arbiter = make(**{key: value for key, value in offered.items() if key in _parameters(make)})
-    except Exception as error:  # What others register may fail in any way.
+        arbiter = make(**given, **(options or {}))
+    except Exception as error:  # Registered code may fail in any way.
         why = f"{type(error).__name__}: {error}"
         raise InputError("arbitration", "", f"{name!r} cannot be made ({why})") from error
-    check_arbiter(arbiter, name)
+    check_arbiter(arbiter, name, robot=robot)
     return arbiter
 
 
-def check_arbiter(arbiter: Any, name: str) -> None:
-    """Refuses what has not the ports of an arbiter.
+def check_arbiter(arbiter: Any, name: str, *, robot: Robot | None = None) -> None:
+    """Checks that a system has the ports of an arbiter for ``robot``.
 
     Raises:
-        InputError: Says which port it lacks.
+        InputError: Names the port that is missing or of another size.
     """
-    if not isinstance(arbiter, LeafSystem):
-        raise InputError("arbitration", "", f"{name!r} must be a LeafSystem", type(arbiter).__name__)
-    kinds = (
-        ("input", _INPUTS, arbiter.HasInputPort, arbiter.GetInputPort),
-        ("output", _OUTPUTS, arbiter.HasOutputPort, arbiter.GetOutputPort),
+    size = len((robot or DiffDrive()).command_names)
+    check_ports(
+        arbiter,
+        f"arbiter {name!r}:",
+        inputs={"human_command": size, "autonomous_command": size, "confidence": 1},
+        outputs={"shared_command": size, "human_weight": 1},
     )
-    for kind, sizes, has, get in kinds:
-        for port, size in sizes.items():
-            sound = has(port) and get(port).get_data_type() == PortDataType.kVectorValued
-            if not (sound and get(port).size() == size):
-                raise InputError("arbitration", "", f"{name!r} must have an {kind} port {port!r} ({size})")
 
 
 def describe_arbiter(arbiter: LeafSystem, name: str | None = None) -> dict[str, Any]:
-    """Name and whole configuration of an arbiter, as a log keeps them.
+    """Name and configuration of an arbiter, as a log holds them.
 
     Args:
         arbiter: The system.
-        name: By which it was asked for, if it was.
+        name: The name in ``--arbitration``, if it was made by name.
 
     Raises:
-        InputError: JSON cannot hold its configuration.
+        InputError: The configuration is not JSON-serializable.
     """
     if name is None:
         name = DEFAULT if type(arbiter) is ConfidenceBlender else type(arbiter).__name__
-    configuration = getattr(arbiter, "configuration", {})
+    if isinstance(arbiter, Arbiter):
+        configuration = arbiter.configuration
+    else:
+        configuration = getattr(arbiter, "configuration", {})
     try:
         configuration = json.loads(json.dumps(configuration, allow_nan=False))
     except (TypeError, ValueError) as error:
-        raise InputError("arbitration", "configuration", f"of {name!r} must be JSON ({error})") from error
+        raise InputError(
+            "arbitration", "configuration", f"of {name!r} must be JSON-serializable ({error})"
+        ) from error
     return {"name": name, "configuration": configuration}
 
 
-def _find(name: str) -> Callable[..., LeafSystem]:
-    if name in _BUILT_IN:
-        return _BUILT_IN[name]
-    found = load_registered(GROUP, name, source="arbitration")
-    if found is None:
-        raise InputError("arbitration", "", f"must be one of {', '.join(arbiter_names())}", repr(name))
-    return found
-
-
-def _parameters(make: Callable[..., LeafSystem]) -> Container[str]:
+def _parameters(make: Callable[..., LeafSystem]) -> list[str]:
     try:
-        return inspect.signature(make).parameters
+        return list(inspect.signature(make).parameters)
     except ValueError:
-        return ()  # What a class inherits from Drake itself has no signature, and takes nothing.
+        return []  # A class that inherits its constructor from Drake has no signature, and no parameters.

@@ -1,4 +1,4 @@
-"""A pose as bad localisation sees it: noisy, wandering off, or no number at all."""
+"""Localisation errors: noise, drift and gaps in the measured pose."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ import math
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
+from drake_shared.robots import DiffDrive, Robot
+
 
 class PoseFault(LeafSystem):
-    """Passes a pose on with noise, drift and gaps.
+    """Adds noise, drift and gaps to a pose.
 
     .. pydrake_system::
 
@@ -23,25 +25,28 @@ class PoseFault(LeafSystem):
         - shown_pose
 
     Inputs:
-        pose (3): [x, y, yaw] in [m, m, rad], world frame: the true one.
-        noise (5): Samples of a standard normal density, fresh ones each period, as from a RandomSource.
-        chance (1): Samples spread evenly over [0, 1), likewise.
+        pose (N): The robot's configuration, world frame: the true one. The first D elements are its position,
+            in [m], the others angles, in [rad].
+        noise (N + D): Samples of the standard normal distribution, fresh ones each period, as from a
+            RandomSource.
+        chance (1): Uniform samples over [0, 1), likewise.
 
     Outputs:
-        seen_pose (3): The pose with its faults; NaN in a gap. Feeds through.
-        shown_pose (3): The same, but in a gap the last one before it: what a picture shows. Feeds through.
+        seen_pose (N): The measured pose; NaN in a gap. Feeds through.
+        shown_pose (N): The same, but in a gap the last one before it, as a display would show. Feeds through.
 
     State:
-        error (3): On x, y and yaw now, in [m, m, rad]; none at the start.
-        drift (2): The part of it that stays, in [m].
-        drawn (1): What chance says of this step. There is no gap at the start.
-        last (3): What was shown last.
+        error (N): Error of the pose now; 0 at the start.
+        drift (D): The part of it that is kept, in [m].
+        drawn (1): The uniform sample of this step. The first step is never a gap.
+        last (N): The pose shown last.
 
     Args:
-        noise: Standard deviation on x and y, in [m].
-        yaw_noise: On yaw, in [rad].
-        drift: x and y wander at random: standard deviation after 1 s, in [m].
-        nan: Share of steps that are gaps.
+        noise: Standard deviation on the position, in [m].
+        yaw_noise: Standard deviation on the angles, in [rad].
+        drift: Random walk of the position: standard deviation after 1 s, in [m].
+        nan: Share of steps that are gaps, from 0 to 1.
+        robot: Gives the sizes; a differential drive if None.
         period: Of the control step, in [s].
     """
 
@@ -52,30 +57,36 @@ class PoseFault(LeafSystem):
         yaw_noise: float = 0.0,
         drift: float = 0.0,
         nan: float = 0.0,
+        robot: Robot | None = None,
         period: float = 0.05,
     ) -> None:
         super().__init__()
-        self._spread = np.array([noise, noise, yaw_noise])
+        robot = robot or DiffDrive()
+        size, dimensions = len(robot.configuration_names), len(robot.position_names)
+        self._size, self._dimensions = size, dimensions
+        self._spread = np.array([noise] * dimensions + [yaw_noise] * (size - dimensions))
         self._drift_step = drift * math.sqrt(period)
         self._nan = nan
-        self._pose_port = self.DeclareVectorInputPort("pose", 3)
-        self._noise_port = self.DeclareVectorInputPort("noise", 5)
+        self._pose_port = self.DeclareVectorInputPort("pose", size)
+        self._noise_port = self.DeclareVectorInputPort("noise", size + dimensions)
         self._chance_port = self.DeclareVectorInputPort("chance", 1)
-        self._error_index = self.DeclareDiscreteState(3)
-        self._drift_index = self.DeclareDiscreteState(2)
+        self._error_index = self.DeclareDiscreteState(size)
+        self._drift_index = self.DeclareDiscreteState(dimensions)
         self._drawn_index = self.DeclareDiscreteState(np.ones(1))
-        self._last_index = self.DeclareDiscreteState(3)
+        self._last_index = self.DeclareDiscreteState(size)
         prerequisites = {self.xd_ticket(), self.input_port_ticket(self._pose_port.get_index())}
-        self.DeclareVectorOutputPort("seen_pose", 3, self._calc_seen, prerequisites)
-        self._shown_port = self.DeclareVectorOutputPort("shown_pose", 3, self._calc_shown, prerequisites)
+        self.DeclareVectorOutputPort("seen_pose", size, self._calc_seen, prerequisites)
+        self._shown_port = self.DeclareVectorOutputPort("shown_pose", size, self._calc_shown, prerequisites)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self.DeclareForcedDiscreteUpdateEvent(self._update)
 
     def _in_gap(self, context: Context) -> bool:
-        return context.get_discrete_state(self._drawn_index)[0] < self._nan
+        drawn: float = context.get_discrete_state(self._drawn_index)[0]
+        return drawn < self._nan
 
     def _calc_seen(self, context: Context, output: BasicVector) -> None:
-        shown = np.full(3, math.nan) if self._in_gap(context) else self._shown_port.Eval(context)
-        output.set_value(shown)
+        gap = self._in_gap(context)
+        output.set_value(np.full(self._size, math.nan) if gap else self._shown_port.Eval(context))
 
     def _calc_shown(self, context: Context, output: BasicVector) -> None:
         if self._in_gap(context):
@@ -86,9 +97,10 @@ class PoseFault(LeafSystem):
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         noise = self._noise_port.Eval(context)
-        drift = context.get_discrete_state(self._drift_index).value() + self._drift_step * noise[3:]
-        error = self._spread * noise[:3]
-        error[:2] += drift
+        drift = context.get_discrete_state(self._drift_index).value()
+        drift = drift + self._drift_step * noise[self._size :]
+        error = self._spread * noise[: self._size]
+        error[: self._dimensions] += drift
         state.set_value(self._last_index, self._shown_port.Eval(context))
         state.set_value(self._error_index, error)
         state.set_value(self._drift_index, drift)

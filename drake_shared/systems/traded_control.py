@@ -1,18 +1,18 @@
-"""Arbitration by turns: one of the two drives, and the agent's confidence says which."""
+"""Traded control: one of the two drives, depending on the agent's confidence."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues
 
-from drake_shared.systems.confidence_blender import blend, finite_weight
+from drake_shared.robots import Robot
+from drake_shared.systems.arbiter import Arbiter
 
 
-class TradedControl(LeafSystem):
-    """Gives the whole control to the agent while it is sure, and to the human while it is not.
+class TradedControl(Arbiter):
+    """Gives the whole control to the agent while its confidence is high, and else to the human.
 
     .. pydrake_system::
 
@@ -25,65 +25,54 @@ class TradedControl(LeafSystem):
         - shared_command
         - human_weight
 
-    Inputs and outputs are those of :class:`~drake_shared.systems.confidence_blender.ConfidenceBlender`, and
-    so is what happens where something is no number; w is 0 or 1.
+    Inputs, outputs and parameters are those of :class:`~drake_shared.systems.arbiter.Arbiter`; w is 0 or 1.
 
     State:
-        agent (1): 1 if the agent drove in the period before, else 0.
+        agent (1): 1 if the agent drove in the step before, else 0.
 
     The agent takes over where its confidence is at least ``threshold`` + ``margin`` and gives back where it
-    is at most ``threshold`` - ``margin``: between the two nobody changes, so that a confidence that trembles
-    about the threshold does not hand the robot to and fro.
+    is at most ``threshold`` - ``margin``. This hysteresis keeps a confidence that fluctuates about the
+    threshold from switching the driver at every step.
 
     Args:
         threshold: Of the confidence.
-        margin: Half the width of the band in which nobody changes.
-        period: Of the control step, in [s].
+        margin: Half the width of the hysteresis.
+        robot, period, driver: See :class:`~drake_shared.systems.arbiter.Arbiter`.
 
     Raises:
-        ValueError: The band does not lie within (0, 1].
+        ValueError: The hysteresis does not lie within (0, 1].
     """
 
-    def __init__(self, *, threshold: float = 0.5, margin: float = 0.05, period: float = 0.05) -> None:
-        super().__init__()
-        sound = math.isfinite(threshold) and math.isfinite(margin) and margin >= 0.0
-        if not (sound and threshold - margin > 0.0 and threshold + margin <= 1.0):
+    def __init__(
+        self,
+        *,
+        threshold: float = 0.5,
+        margin: float = 0.05,
+        robot: Robot | None = None,
+        period: float = 0.05,
+        driver: str = "shared",
+    ) -> None:
+        super().__init__(
+            robot=robot, period=period, driver=driver, weight_inputs=("autonomous_command", "confidence")
+        )
+        if not (margin >= 0.0 and threshold - margin > 0.0 and threshold + margin <= 1.0):
             raise ValueError(f"threshold and margin must lie within 0 and 1, got {threshold}, {margin}")
         self._threshold, self._margin = float(threshold), float(margin)
-        self._human_port = self.DeclareVectorInputPort("human_command", 2)
-        self._autonomous_port = self.DeclareVectorInputPort("autonomous_command", 2)
-        self._confidence_port = self.DeclareVectorInputPort("confidence", 1)
         self._agent_index = self.DeclareDiscreteState(1)
-        human, autonomous, confidence = (
-            self.input_port_ticket(port.get_index())
-            for port in (self._human_port, self._autonomous_port, self._confidence_port)
-        )
-        before = self.discrete_state_ticket(self._agent_index)
-        self._weight_port = self.DeclareVectorOutputPort(
-            "human_weight", 1, self._calc_weight, {autonomous, confidence, before}
-        )
-        self.DeclareVectorOutputPort(
-            "shared_command", 2, self._calc_command, {human, autonomous, confidence, before}
-        )
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self.DeclareForcedDiscreteUpdateEvent(self._update)
 
     @property
     def configuration(self) -> dict[str, Any]:
-        """What a log says of it."""
+        """Threshold and margin."""
         return {"threshold": self._threshold, "margin": self._margin}
 
-    def _calc_weight(self, context: Context, output: BasicVector) -> None:
-        agent = context.get_discrete_state(self._agent_index)[0] > 0.5
-        confidence = self._confidence_port.Eval(context).item()
-        bound = self._threshold + (-self._margin if agent else self._margin)
-        # Someone who is sure enough at the bound itself takes over, and gives back, there.
-        sure = confidence > bound if agent else confidence >= bound
-        output[0] = finite_weight(0.0 if sure else 1.0, self._autonomous_port.Eval(context).tolist())
-
-    def _calc_command(self, context: Context, output: BasicVector) -> None:
-        weight = self._weight_port.Eval(context).item()
-        autonomous = self._autonomous_port.Eval(context).tolist()
-        output.set_value(blend(weight, self._human_port.Eval(context).tolist(), autonomous))
+    def DoCalcWeight(self, context: Context) -> float:
+        """1 while the human drives, 0 while the agent does."""
+        confidence = self.confidence(context)
+        if context.get_discrete_state(self._agent_index)[0] > 0.5:
+            return 0.0 if confidence > self._threshold - self._margin else 1.0
+        return 0.0 if confidence >= self._threshold + self._margin else 1.0
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         state.set_value(self._agent_index, np.array([1.0 - self._weight_port.Eval(context).item()]))

@@ -1,4 +1,4 @@
-"""Ground on which wheels lose some of what they are told."""
+"""Wheel-slip model."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 
 class WheelSlip(LeafSystem):
-    """Takes a share off each wheel's command, one that changes as the ground does.
+    """Reduces each wheel's command by a random share that changes from patch to patch of ground.
 
     .. pydrake_system::
 
@@ -19,35 +19,44 @@ class WheelSlip(LeafSystem):
         - slipped_command
 
     Inputs:
-        wheel_command (2): Wheel speeds [left, right] in [rad/s].
-        chance (2): Samples spread evenly over [0, 1), as from a RandomSource.
+        wheel_command (size): Wheel speeds in [rad/s].
+        chance (size): Uniform samples over [0, 1), as from a RandomSource.
 
     Outputs:
-        slipped_command (2): (1 - slip u) wheel_command, in [rad/s]. Feeds through.
+        slipped_command (size): (1 - slip u) wheel_command, in [rad/s]. Feeds through.
 
     State:
-        u (2): Of either wheel, drawn anew once a patch; none at the start.
+        u (size): Of each wheel, redrawn for each patch; 0 at the start.
 
-    A safety filter before it does not know of it, and what the filter promises holds no longer.
+    A safety filter does not model slip; its guarantee does not hold with it.
 
     Args:
-        slip: Largest share that is lost, in [0, 1].
+        slip: Largest share that is lost, from 0 to 1.
         patch: How long a wheel stays on the same ground, in [s].
+        size: Number of wheels.
+
+    Raises:
+        ValueError: ``slip`` is out of range, or ``patch`` is not positive.
     """
 
-    def __init__(self, *, slip: float, patch: float = 0.5) -> None:
+    def __init__(self, *, slip: float, patch: float = 0.5, size: int = 2) -> None:
         super().__init__()
+        if not 0.0 <= slip <= 1.0:
+            raise ValueError(f"slip must be from 0 to 1, got {slip}")
+        if not 0.0 < patch < float("inf"):
+            raise ValueError(f"patch must be positive and finite, got {patch}")
         self._slip = slip
-        self._command_port = self.DeclareVectorInputPort("wheel_command", 2)
-        self._chance_port = self.DeclareVectorInputPort("chance", 2)
-        self._ground_index = self.DeclareDiscreteState(2)
+        self._command_port = self.DeclareVectorInputPort("wheel_command", size)
+        self._chance_port = self.DeclareVectorInputPort("chance", size)
+        self._ground_index = self.DeclareDiscreteState(size)
         self.DeclareVectorOutputPort(
             "slipped_command",
-            2,
+            size,
             self._calc_command,
             {self.xd_ticket(), self.input_port_ticket(self._command_port.get_index())},
         )
         self.DeclarePeriodicDiscreteUpdateEvent(patch, 0.0, self._update)
+        self.DeclareForcedDiscreteUpdateEvent(self._update)
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         kept = 1.0 - self._slip * context.get_discrete_state(self._ground_index).value()

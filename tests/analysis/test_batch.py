@@ -7,9 +7,10 @@ import pytest
 from drake_shared.analysis.batch import Batch, run_batch
 from drake_shared.analysis.metrics import metrics
 from drake_shared.common.errors import InputError
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.trial import read_log, write_log
 
-ALONE = Batch(mode="human", count=4, seed=7)
+ALONE = Batch(config=SharedControlConfig(driver="human"), count=4, seed=7)
 
 
 @pytest.fixture(scope="module")
@@ -49,14 +50,22 @@ def test_without_a_folder_no_log_is_kept(rows):
 
 
 def test_each_row_names_its_log(tmp_path):
-    (row,) = run_batch(Batch(mode="human", out=str(tmp_path / "new" / "folder")))
+    (row,) = run_batch(
+        Batch(config=SharedControlConfig(driver="human"), out=str(tmp_path / "new" / "folder"))
+    )
     assert row["log"] == str(tmp_path / "new" / "folder" / "trial_00000.parquet")
     assert read_log(row["log"]).metadata["seed"] == row["seed"]
 
 
 def test_a_log_is_played_back(human_trial, tmp_path):
     write_log(human_trial, tmp_path / "log.parquet")
-    (row,) = run_batch(Batch(mode="human", recording=str(tmp_path / "log.parquet"), out=str(tmp_path)))
+    (row,) = run_batch(
+        Batch(
+            config=SharedControlConfig(driver="human"),
+            recording=str(tmp_path / "log.parquet"),
+            out=str(tmp_path),
+        )
+    )
     assert row["route"] == "left_right"
     assert row["human_effort"] == metrics(human_trial)["human_effort"]
     assert (read_log(row["log"]).positions == human_trial.positions).all()
@@ -64,7 +73,8 @@ def test_a_log_is_played_back(human_trial, tmp_path):
 
 def test_the_end_is_a_setting():
     reached, lasting = (
-        next(iter(run_batch(Batch(mode="human", end=end)))) for end in ("reached", "duration")
+        next(iter(run_batch(Batch(config=SharedControlConfig(driver="human", end=end)))))
+        for end in ("reached", "duration")
     )
     assert lasting["completion_time"] == reached["completion_time"]
     assert lasting["path_length"] > reached["path_length"]
@@ -77,18 +87,22 @@ def test_the_end_is_a_setting():
         ({"model": "none.safetensors"}, r"none\.safetensors must be a file"),
         ({"recording": "none.parquet"}, r"none\.parquet must be a log"),
         ({"out": "/proc/logs"}, "/proc/logs must be a folder to write to"),
-        ({"mode": "both"}, "mode must be one of"),
     ],
 )
 def test_bad_input_is_said_in_one_line(batch, said):
     with pytest.raises(InputError, match=said) as caught:
-        list(run_batch(Batch(**{"mode": "human", "count": 2} | batch)))
+        list(run_batch(Batch(**{"config": SharedControlConfig(driver="human"), "count": 2} | batch)))
     assert "\n" not in str(caught.value)
 
 
 def test_bad_input_found_by_a_worker_is_said_alike():
     with pytest.raises(InputError, match=r"^none\.parquet must be a log; there is no such file$"):
-        list(run_batch(Batch(mode="human", count=2, recording="none.parquet"), workers=2))
+        list(
+            run_batch(
+                Batch(config=SharedControlConfig(driver="human"), count=2, recording="none.parquet"),
+                workers=2,
+            )
+        )
 
 
 def test_numbers_below_1_are_refused():

@@ -12,6 +12,7 @@ from drake_shared.arbitration.authority import Authority
 from drake_shared.cli.main import main
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import models_directory
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings, write_log
 from drake_shared.systems.surrogate_operator import Behaviour
 
@@ -32,7 +33,7 @@ def recorded(_two_obstacles, learner) -> Trial:
 
 
 def test_under_the_arbiter_that_was_there_the_trial_repeats_to_the_bit(recorded, learner):
-    played = play_open_loop(recorded, arbiter="blend", learner=learner)
+    played = play_open_loop(recorded, learner=learner)
     assert played.left_at is None
     for name in recorded.columns:
         # The last row of a log was never applied, and its command is not played.
@@ -42,19 +43,19 @@ def test_under_the_arbiter_that_was_there_the_trial_repeats_to_the_bit(recorded,
     assert played.measures()["intent_success"] == metrics(recorded)["intent_success"]
 
 
-@pytest.mark.parametrize("authority", [False, Authority(floor=0.4)])
+@pytest.mark.parametrize("authority", [Authority(enabled=False), Authority(floor=0.4)])
 def test_the_blend_leaves_to_the_human_what_it_left_then(scenario, learner, authority):
-    simulation = Simulation(scenario, learner=learner, authority=authority)
+    simulation = Simulation(scenario, learner=learner, config=SharedControlConfig(authority=authority))
     recorded = simulation.run(TrialSettings(route="left_right"))
-    played = play_open_loop(recorded, arbiter="blend", learner=learner)
+    played = play_open_loop(recorded, learner=learner)
     assert played.trial.metadata["arbitration"] == recorded.metadata["arbitration"]
     np.testing.assert_array_equal(played.trial.positions, recorded.positions)
-    asked = play_open_loop(recorded, arbiter="blend", learner=learner, authority=True)
+    asked = play_open_loop(recorded, config=SharedControlConfig(), learner=learner)
     assert asked.trial.metadata["arbitration"] != recorded.metadata["arbitration"]
 
 
 def test_under_another_it_says_when_the_recorded_way_was_left_and_measures_until_then(recorded, learner):
-    played = play_open_loop(recorded, arbiter="agent", learner=learner)
+    played = play_open_loop(recorded, config=SharedControlConfig(driver="agent"), learner=learner)
     trial, part = played.trial, played.until_left
     assert trial.metadata["open_loop"] is True
     assert trial.metadata["left_recorded_pose_at"] == played.left_at
@@ -73,7 +74,9 @@ def test_under_another_it_says_when_the_recorded_way_was_left_and_measures_until
 def test_begins_where_the_record_begins(recorded, learner):
     moved = {**recorded.columns, "x": recorded["x"] + 0.4, "yaw": recorded["yaw"] + 0.2}
     played = play_open_loop(
-        Trial(columns=moved, metadata=recorded.metadata), arbiter="human", learner=learner
+        Trial(columns=moved, metadata=recorded.metadata),
+        config=SharedControlConfig(driver="human"),
+        learner=learner,
     )
     assert played.trial["x"][0] == pytest.approx(0.4)
     assert played.trial["yaw"][0] == pytest.approx(0.2)
@@ -81,7 +84,7 @@ def test_begins_where_the_record_begins(recorded, learner):
 
 def test_ends_with_the_record(recorded, learner):
     cut = Trial(columns={k: v[:41] for k, v in recorded.columns.items()}, metadata=recorded.metadata)
-    played = play_open_loop(cut, arbiter="halves", learner=learner)
+    played = play_open_loop(cut, config=SharedControlConfig(arbitration="halves"), learner=learner)
     assert played.trial["t"][-1] == pytest.approx(2.0)
     assert played.trial.status == "record_ended"
 
@@ -97,9 +100,11 @@ def test_ends_with_the_record(recorded, learner):
     ],
 )
 def test_a_log_that_cannot_be_played_is_refused(recorded, learner, metadata, said):
-    broken = Trial(columns=recorded.columns, metadata={**recorded.metadata, **metadata})
+    # A log of version 0.1.0 holds the config in parts.
+    parts = {name: value for name, value in recorded.metadata.items() if name != "config"}
+    broken = Trial(columns=recorded.columns, metadata={**parts, **metadata})
     with pytest.raises(InputError, match=said):
-        play_open_loop(broken, arbiter="blend", learner=learner)
+        play_open_loop(broken, learner=learner)
 
 
 def told(page: str) -> dict:

@@ -27,7 +27,7 @@ def family(tmp_path_factory):
     logs = [folder / f"log{index}.parquet" for index in range(2)]
     for index, log in enumerate(logs):
         write_log(simulation.run(TrialSettings(route="left_right", seed=index)), log)
-    write_log(simulation.run(TrialSettings(route="left_left", mode="human")), folder / "alone.parquet")
+    write_log(simulation.run(TrialSettings(route="left_left", driver="human")), folder / "alone.parquet")
     files = [folder / "demos.parquet", *logs, folder / "alone.parquet"]
     save_learner(train(read_demonstrations(files), learner="cesn"), folder / "second.safetensors")
     return folder

@@ -22,6 +22,7 @@ from drake_shared.analysis.batch import Batch, run_batch
 from drake_shared.cli.main import main
 from drake_shared.common.errors import InputError, RunError
 from drake_shared.operators.behaviour import Behaviour
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.faults import Faults
 from drake_shared.simulation.trial import read_log
 
@@ -55,12 +56,15 @@ def short(tmp_path_factory) -> str:
     return str(path)
 
 
+ALONE = SharedControlConfig(driver="human")
+
+
 @pytest.fixture
 def batch(short, tmp_path):
     """Makes a batch of three short trials that are kept in ``tmp_path / "logs"``."""
 
     def make(**changes) -> Batch:
-        given = {"scenario": short, "mode": "human", "count": 3, "out": str(tmp_path / "logs")}
+        given = {"scenario": short, "config": ALONE, "count": 3, "out": str(tmp_path / "logs")}
         return Batch(**given | changes)
 
     return make
@@ -215,12 +219,18 @@ def test_logs_that_are_there_are_neither_overwritten_nor_mixed_with_others(batch
     ("changes", "said"),
     [
         ({"seed": 1}, "seed is 0, not 1"),
-        ({"end": "duration"}, "end is 'reached', not 'duration'"),
-        ({"safety_clearance": 0.05}, "safety_clearance is None, not 0.05"),
+        ({"config": dataclasses.replace(ALONE, end="duration")}, "config.end is 'reached', not 'duration'"),
+        ({"config": dataclasses.replace(ALONE, safety_clearance=0.05)}, "safety_clearance is None, not 0.05"),
         ({"behaviour": Behaviour(delay=0.1)}, "behaviour.delay is 0.2, not 0.1"),
-        ({"faults": Faults(loss=0.1)}, "faults is None, not .*loss.*"),
+        (
+            {"config": dataclasses.replace(ALONE, faults=Faults(loss=0.1))},
+            "config.faults.loss is 0.0, not 0.1",
+        ),
         ({"scenario": "two_obstacles"}, "scenario.duration is 1.5, not 15.0"),
-        ({"mode": "shared", "arbitration": "halves"}, "mode is 'human', not 'shared'"),
+        (
+            {"config": SharedControlConfig(arbitration="halves")},
+            "config.*'human', not 'shared'|config.arbitration",
+        ),
     ],
 )
 def test_experiments_refuse_to_mix_configurations(batch, tmp_path, changes, said):
@@ -249,8 +259,8 @@ def test_begun_anew_only_what_is_ours_is_removed(batch, tmp_path):
     others = {"notes.txt", "two_obstacles_20260101-120000_001.parquet", "trial_1.parquet", ".hidden"}
     for name in [*others, ".trial_00002.parquet.k3v9x2ab"]:
         (tmp_path / "logs" / name).write_text("")
-    with pytest.raises(InputError, match="mode must be shared"):
-        run_batch(batch(arbitration="halves"), force=True)
+    with pytest.raises(InputError, match="coin"):
+        run_batch(batch(config=SharedControlConfig(arbitration="coin")), force=True)
     assert len(contents(tmp_path / "logs")) == 3
     list(run_batch(batch(seed=5, count=1), force=True))
     assert set(os.listdir(tmp_path / "logs")) == others | {"trial_00000.parquet"}

@@ -9,6 +9,7 @@ import pytest
 
 from drake_shared.analysis.metrics import metrics, sides_passed, sparc, summarize
 from drake_shared.common.errors import InputError
+from drake_shared.simulation.config import config_for
 from drake_shared.simulation.diagram import LOG_COLUMNS
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 
@@ -154,7 +155,9 @@ def test_completion_time_does_not_count_the_time_spent_at_the_goal(make):
 
 
 def test_completion_time_is_the_same_whether_the_trial_goes_on_or_not(human_trial, scenario):
-    longer = Simulation(scenario).run(TrialSettings(mode="human", route="left_right", seed=5, end="duration"))
+    longer = Simulation(scenario, config=config_for(None, end="duration")).run(
+        TrialSettings(route="left_right", seed=5)
+    )
     assert metrics(longer)["completion_time"] == metrics(human_trial)["completion_time"]
 
 

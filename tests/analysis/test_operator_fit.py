@@ -27,7 +27,7 @@ def drives(simulation: Simulation, *, mode: str = "human", count: int = COUNT, s
     return [
         simulation.run(
             TrialSettings(
-                mode=mode,
+                driver=mode,
                 seed=seed + index,
                 route=routes[index % len(routes)],
                 behaviour=Behaviour(**behaviour),

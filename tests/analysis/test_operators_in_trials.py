@@ -39,7 +39,7 @@ def test_help_costs_a_driver_with_another_pace_nothing(simulation, scenario, dri
         rows = []
         for seed, route in enumerate(scenario.routes):
             behaviour = Behaviour(**DRIVERS[driver])
-            settings = TrialSettings(mode=mode, route=route.name, seed=seed, behaviour=behaviour)
+            settings = TrialSettings(driver=mode, route=route.name, seed=seed, behaviour=behaviour)
             rows.append(metrics(simulation.run(settings)))
         outcomes[mode] = [(row["intent_success"], row["collision"]) for row in rows]
     assert outcomes["shared"] == outcomes["human"]
@@ -64,7 +64,7 @@ def test_an_agent_that_tells_ways_apart_never_drives_into_an_obstacle_at_a_fork(
     learner = train(teach(scenario), learner="mixture", iterations=800)
     simulation = Simulation(scenario, learner=learner)
     for seed in range(3):
-        trial = simulation.run(TrialSettings(mode="agent", seed=seed))
+        trial = simulation.run(TrialSettings(driver="agent", seed=seed))
         assert trial.status == "reached"
         assert not trial["contact"].any()
     start = np.array([[scenario.start.x, scenario.start.y]])

@@ -61,7 +61,7 @@ def log(human_trial, tmp_path_factory) -> Path:
         (("simulate", "--trials", "many"), "--trials"),
         (("frobnicate",), "frobnicate"),
         (("train", "--out", "x"), "--demos"),
-        (("simulate", "--mode", "x"), "'shared', 'human', 'agent'"),
+        (("simulate", "--driver", "x"), "'shared', 'human', 'agent'"),
         ((), "drive, teach, train"),
     ],
 )
@@ -75,7 +75,7 @@ def test_usage_that_is_wrong_is_told_in_one_line(cli, arguments, said):
 
 def test_simulate_as_a_process_prints_one_json_object_and_nothing_else_on_standard_output(tmp_path):
     done = process(
-        *("simulate", "--mode", "human", "--trials", "2", "--seed", "3", "--json", "--out", str(tmp_path))
+        *("simulate", "--driver", "human", "--trials", "2", "--seed", "3", "--json", "--out", str(tmp_path))
     )
     assert done.returncode == 0
     result = json.loads(done.stdout)
@@ -125,7 +125,7 @@ def test_help_names_every_command(cli):
         (),
         ("fly",),
         ("simulate", "--trials", "many"),
-        ("simulate", "--mode", "both"),
+        ("simulate", "--driver", "both"),
         ("simulate", "--colour", "red"),
         ("teach",),
         ("train", "--out", "x"),
@@ -139,7 +139,7 @@ def test_bad_usage_is_status_2_and_nothing_on_standard_output(cli, arguments):
     assert err
 
 
-ALONE = ("simulate", "--mode", "human")
+ALONE = ("simulate", "--driver", "human")
 
 
 @pytest.mark.parametrize(
@@ -157,9 +157,9 @@ ALONE = ("simulate", "--mode", "human")
         ((*ALONE, "--workers", "0"), "workers must be at least 1"),
         ((*ALONE, "--seed", "-1"), "seed must be from 0 to 4294967295, got -1"),
         ((*ALONE, "--seed", "4294967296"), "seed must be from 0 to 4294967295"),
-        ((*ALONE, "--confidence-gain", "0"), "confidence-gain must be positive and finite"),
-        ((*ALONE, "--safety", "nan"), "clearance must be from 0.001 to 1 m, got nan"),
-        ((*ALONE, "--safety", "-0.1"), "clearance must be from 0.001 to 1 m, got -0.1"),
+        ((*ALONE, "--confidence-gain", "0"), "--confidence-gain must be positive"),
+        ((*ALONE, "--safety-clearance", "nan"), "--safety-clearance"),
+        ((*ALONE, "--safety-clearance", "-0.1"), "--safety-clearance"),
         ((*ALONE, "--noise", "-1"), "noise must be finite and not negative"),
         ((*ALONE, "--delay", "nan"), "delay must be finite and not negative"),
         (("teach", "--out", "{folder}"), "{folder} must be a file to write, not a folder"),
@@ -188,8 +188,8 @@ ALONE = ("simulate", "--mode", "human")
         (("reproduce", "--out", "{text}"), "{text} must be a folder to write to"),
         (("drive", "--scenario", "none"), "none must be a scenario file"),
         (("drive", "--model", "none"), "none must be a file"),
-        (("drive", "--safety", "5"), "must be from 0.001 to 1 m"),
-        (("drive", "--authority", "floor=2"), "must be from 0 to 1"),
+        (("drive", "--safety-clearance", "5"), "must be from 0.001 to 1 m"),
+        (("drive", "--authority.floor", "2"), "must be from 0 to 1"),
     ],
 )
 def test_bad_input_is_status_2_and_one_line_that_names_it(cli, log, tmp_path, arguments, said):

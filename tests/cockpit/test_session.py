@@ -10,10 +10,12 @@ import time
 import numpy as np
 import pytest
 
+from drake_shared.arbitration.authority import Authority
 from drake_shared.cockpit import drive, open_session
 from drake_shared.cockpit.driver_lock import LOST, RELEASED
 from drake_shared.cockpit.messages import Move
 from drake_shared.common.errors import InputError
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.trial import read_log
 
 
@@ -200,7 +202,8 @@ def test_hands_off_stops_the_robot_and_is_published(long_cockpit, until, monkeyp
 
 
 def test_authority_and_safety_clearance_are_applied(start_cockpit, short_floor, route_learner):
-    cockpit = start_cockpit(short_floor, route_learner(short_floor), authority=False, safety_clearance=0.1)
+    config = SharedControlConfig(authority=Authority(enabled=False), safety_clearance=0.1)
+    cockpit = start_cockpit(short_floor, route_learner(short_floor), config=config)
     with Driver(cockpit.driver_lock) as driver:
         driver.push(forward=1.0)
         trial = cockpit.next_trial()

@@ -6,6 +6,7 @@ import pytest
 from drake_shared.experiments import faults_injected, setting
 from drake_shared.experiments.section import FULL, QUICK, Size
 from drake_shared.learners.no_learner import NoLearner
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.faults import Faults
 from drake_shared.simulation.trial import Trial, TrialSettings
 
@@ -62,7 +63,9 @@ def test_nothing_that_is_no_number_reaches_the_plant(rows):
 
 @pytest.mark.parametrize("fault", ["human_nan", "pose_nan", "learner_nan"])
 def test_a_fault_that_is_to_send_what_is_no_number_does(fault):
-    simulation = setting.simulation_of(None, authority=True, faults=faults_injected.faults_of(fault, 0.25))
+    simulation = setting.simulation_of(
+        None, SharedControlConfig(faults=faults_injected.faults_of(fault, 0.25))
+    )
     trial = simulation.run(TrialSettings(), learner=NoLearner(15.0))
     column = {"human_nan": "received_left", "pose_nan": "seen_x", "learner_nan": "heard_confidence"}[fault]
     assert 0.1 < np.isnan(trial[column]).mean() < 0.4

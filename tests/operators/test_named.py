@@ -11,6 +11,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.named import OPERATORS, changes_of_route, named_operator
 from drake_shared.scenario import load_scenario
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.trial import read_log
 
 MODEL = Path(__file__).parents[2] / "models" / "learners" / "two_obstacles_default.safetensors"
@@ -36,13 +37,13 @@ def test_there_is_one_for_each_way_to_drive_and_no_two_are_alike():
 
 @pytest.mark.parametrize("name", sorted(NAMES))
 def test_alone_it_reaches_the_goal_it_means_more_often_than_not(name):
-    rows = rows_of(name, mode="human", count=6)
+    rows = rows_of(name, config=SharedControlConfig(driver="human"), count=6)
     assert sum(row["intent_success"] for row in rows) > 3
 
 
 @pytest.mark.parametrize("name", ["laggy", "signal-noise", "unskilled", "switching", "stubborn", "yielding"])
 def test_shared_it_reaches_the_goal_it_means(name):
-    rows = rows_of(name, mode="shared", model=str(MODEL), count=3)
+    rows = rows_of(name, model=str(MODEL), count=3)
     assert all(row["intent_success"] for row in rows)
 
 
@@ -58,7 +59,7 @@ def test_a_change_of_route_leads_to_the_next_that_can_still_be_driven(scenario):
 
 
 def test_who_switches_half_way_is_measured_by_the_second_route(tmp_path):
-    rows = rows_of("switching", mode="human", count=2, out=str(tmp_path))
+    rows = rows_of("switching", config=SharedControlConfig(driver="human"), count=2, out=str(tmp_path))
     assert [row["route"] for row in rows] == ["left_right", "left_left"]
     assert all(row["intent_success"] for row in rows)
     first = read_log(rows[0]["log"])

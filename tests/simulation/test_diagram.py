@@ -8,6 +8,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, DiscreteStateIndex, LeafSystem
 
 from drake_shared.robots.motion import motion, speeds_after
+from drake_shared.simulation.config import config_for
 from drake_shared.simulation.diagram import LOG_COLUMNS, AddSharedControl, MakeSharedControlDiagram
 from drake_shared.simulation.trial import Simulation, TrialSettings
 from drake_shared.systems.recorded_input import RecordedInput
@@ -106,7 +107,9 @@ def test_the_diagram_itself_lets_nothing_through(scenario):
 
 
 def test_takes_any_system_with_a_human_command(open_floor):
-    trial = Simulation(open_floor, operator=Mute()).run(TrialSettings(mode="human", end="duration"))
+    trial = Simulation(open_floor, operator=Mute(), config=config_for(None, end="duration")).run(
+        TrialSettings()
+    )
     np.testing.assert_array_equal(trial.commands("human"), np.tile([3.0, 4.0], (301, 1)))
     np.testing.assert_array_equal(trial["wheel_right"][10:], 4.0)
     assert trial.metadata["operator"] == "Mute"
@@ -147,8 +150,8 @@ def shared_trial(_two_obstacles, route_learner):
     """A trial in which both take part: the variance falls from 0.2 to 0.001 m^2 along the way."""
     variance = np.linspace(0.2, 0.001, 151)[:, None]
     learner = route_learner(_two_obstacles, "left_right", variance=variance, gain=40.0)
-    simulation = Simulation(_two_obstacles, learner=learner, authority=False)
-    return simulation.run(TrialSettings(route="left_right", end="duration"))
+    simulation = Simulation(_two_obstacles, learner=learner, config=config_for("paper", end="duration"))
+    return simulation.run(TrialSettings(route="left_right"))
 
 
 def test_a_log_has_the_columns_of_the_contract_and_a_row_more_than_steps(shared_trial):
@@ -195,7 +198,9 @@ def test_clearance_in_each_row_is_that_of_its_pose(shared_trial, scenario):
 
 def test_contact_in_each_row_is_of_the_step_that_led_to_it(scenario):
     straight_on = RecordedInput(commands=np.full((300, 2), 6.0))
-    trial = Simulation(scenario, operator=straight_on).run(TrialSettings(mode="human", end="duration"))
+    trial = Simulation(scenario, operator=straight_on, config=config_for(None, end="duration")).run(
+        TrialSettings()
+    )
     first = np.flatnonzero(trial["contact"])[0]
     assert 0 < first < 300
     assert trial["clearance"][first] < 1e-5

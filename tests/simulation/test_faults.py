@@ -5,11 +5,13 @@ import pytest
 
 from drake_shared.arbitration.authority import Authority
 from drake_shared.common.errors import InputError
-from drake_shared.simulation.faults import Faults, parse_faults
+from drake_shared.simulation.config import SharedControlConfig
+from drake_shared.simulation.faults import Faults
 from drake_shared.simulation.trial import Simulation, TrialSettings, read_log, write_log
 from drake_shared.systems.safety_filter import SafetyFilter
 
-SETTINGS = TrialSettings(route="left_right", end="duration", seed=3)
+NONE = Faults()
+SETTINGS = TrialSettings(route="left_right", seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +21,9 @@ def learner(_two_obstacles, route_learner):
 
 @pytest.fixture(scope="module")
 def run(_two_obstacles, learner):
-    def run(faults=None, *, settings=SETTINGS, **options):
-        simulation = Simulation(_two_obstacles, learner=learner, faults=faults, **options)
-        return simulation.run(settings)
+    def run(faults=NONE, *, settings=SETTINGS, end="duration", **options):
+        config = SharedControlConfig(faults=faults, end=end, **options)
+        return Simulation(_two_obstacles, learner=learner, config=config).run(settings)
 
     return run
 
@@ -33,7 +35,7 @@ def sound(run):
 
 def test_without_faults_there_are_no_more_systems_and_the_same_bits(scenario, learner, sound):
     plain = Simulation(scenario, learner=learner)
-    none = Simulation(scenario, learner=learner, faults=Faults())
+    none = Simulation(scenario, learner=learner, config=SharedControlConfig(faults=Faults(), end="duration"))
     names = [[item.get_name() for item in each.diagram.GetSystems()] for each in (plain, none)]
     assert names[0] == names[1]
     trial = none.run(SETTINGS)
@@ -73,7 +75,7 @@ def test_drift_grows_and_leaves_the_true_pose_alone(run, sound):
 
 
 @pytest.mark.parametrize("safety", [None, 0.05])
-@pytest.mark.parametrize("authority", [False, Authority()])
+@pytest.mark.parametrize("authority", [Authority(enabled=False), Authority()])
 @pytest.mark.parametrize("source", ["human_nan", "learner_nan", "pose_nan"])
 @pytest.mark.parametrize("share", [0.3, 1.0])
 def test_nan_never_reaches_the_plant(run, source, share, authority, safety):
@@ -94,7 +96,7 @@ def test_the_human_drives_on_where_the_learner_fails(run):
     assert not trial["contact"].any()
 
 
-@pytest.mark.parametrize("authority", [False, Authority()])
+@pytest.mark.parametrize("authority", [Authority(enabled=False), Authority()])
 def test_a_pose_that_is_no_number_hands_over_to_the_human_in_that_very_step(run, authority):
     trial = run(Faults(pose_nan=0.3), authority=authority)
     gap = np.isnan(trial["seen_x"])
@@ -112,7 +114,7 @@ def test_a_safety_filter_that_does_not_know_where_the_robot_is_brakes_it(scenari
 
 
 def test_a_frozen_command_is_driven_on_with(run):
-    trial = run(Faults(freeze_time=2.0, freeze=1.0), settings=TrialSettings(mode="human", end="duration"))
+    trial = run(Faults(freeze_time=2.0, freeze=1.0), settings=TrialSettings(driver="human"))
     frozen = trial.commands("shared")[40:60]
     np.testing.assert_array_equal(frozen, np.tile(trial.commands("human")[39], (20, 1)))
 
@@ -120,7 +122,8 @@ def test_a_frozen_command_is_driven_on_with(run):
 def test_the_same_seed_gives_the_same_faults_and_another_one_others(run):
     faults = Faults(jitter=0.3, loss=0.3, pose_noise=0.02, slip=0.2, learner_nan=0.1)
     first, again, other = (
-        run(faults, settings=TrialSettings(route="left_right", seed=seed)) for seed in (1, 1, 2)
+        run(faults, settings=TrialSettings(route="left_right", seed=seed), end="reached")
+        for seed in (1, 1, 2)
     )
     for name, values in first.columns.items():
         np.testing.assert_array_equal(again[name], values)
@@ -134,11 +137,11 @@ def test_the_same_seed_gives_the_same_faults_and_another_one_others(run):
         ({"jitter": float("nan")}, "jitter must be a finite number"),
         ({"delay": 3.0}, "delay must be at most 2 s, got 3"),
         ({"loss": 1.5}, "loss must be at most 1, got 1.5"),
-        ({"freeze_time": 2.0}, "freeze_time needs freeze"),
-        ({"loss": 1.0, "delay": 0.1}, "delay makes no sense where every sample is lost"),
-        ({"human_nan": 1.0, "loss": 0.1}, "loss makes no sense where human_nan is 1"),
-        ({"pose_nan": 1.0, "pose_drift": 0.1}, "pose_drift makes no sense where pose_nan is 1"),
-        ({"learner_nan": 1.0, "late_learner": 0.1}, "late_learner makes no sense where learner_nan is 1"),
+        ({"freeze_time": 2.0}, "freeze_time"),
+        ({"loss": 1.0, "delay": 0.1}, "delay"),
+        ({"human_nan": 1.0, "loss": 0.1}, "loss"),
+        ({"pose_nan": 1.0, "pose_drift": 0.1}, "pose_drift"),
+        ({"learner_nan": 1.0, "late_learner": 0.1}, "late_learner"),
         ({"pose_noise": 1e308}, "pose_noise must be at most 1000"),
     ],
 )
@@ -147,28 +150,11 @@ def test_faults_that_make_no_sense_are_refused(given, said):
         Faults(**given)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("fog=1", "must be name=value of delay, jitter"),
-        ("delay", "delay must be a number"),
-        ("delay=0.1,delay=0.2", "delay must be given once"),
-    ],
-)
-def test_text_that_names_no_faults_is_refused(text, said):
-    with pytest.raises(InputError, match=said):
-        parse_faults(text)
-
-
-def test_faults_are_read_from_text():
-    assert parse_faults("delay=0.2, loss=0.1") == Faults(delay=0.2, loss=0.1)
-
-
 def test_faults_of_someone_who_takes_no_part_are_refused():
-    Faults(delay=0.1, learner_nan=0.1).check(mode="shared", duration=15.0)
-    with pytest.raises(InputError, match="late_learner makes no sense where the human drives alone"):
-        Faults(late_learner=0.1).check(mode="human", duration=15.0)
-    with pytest.raises(InputError, match="delay makes no sense where the agent drives alone"):
-        Faults(delay=0.1).check(mode="agent", duration=15.0)
+    Faults(delay=0.1, learner_nan=0.1).check_driver("shared")
+    with pytest.raises(InputError, match="late_learner"):
+        Faults(late_learner=0.1).check_driver("human")
+    with pytest.raises(InputError, match="delay"):
+        Faults(delay=0.1).check_driver("agent")
     with pytest.raises(InputError, match="freeze_time must be before the end of the trial at 15 s"):
-        Faults(freeze_time=15.0, freeze=1.0).check(mode="shared", duration=15.0)
+        Faults(freeze_time=15.0, freeze=1.0).check_duration(15.0)

@@ -170,7 +170,7 @@ def broken_scenarios(draw) -> str:
 def test_an_invalid_scenario_is_refused_in_one_line(text, tmp_path, capsys):
     path = Path(tmp_path) / "broken.yaml"
     path.write_text(text)
-    assert main(["simulate", "--scenario", str(path), "--mode", "human"]) == 2
+    assert main(["simulate", "--scenario", str(path), "--driver", "human"]) == 2
     said = capsys.readouterr()
     assert said.out == ""
     assert len(said.err.strip().splitlines()) == 1

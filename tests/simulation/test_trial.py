@@ -11,6 +11,7 @@ from pydrake.systems.framework import DiscreteStateIndex, LeafSystem
 
 from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import Demonstration, Demonstrations, write_demonstrations
+from drake_shared.simulation.config import SharedControlConfig, config_for
 from drake_shared.simulation.trial import (
     RunningTrial,
     Simulation,
@@ -50,7 +51,7 @@ def test_same_seed_same_log_bit_for_bit(simulation, scenario):
     settings = TrialSettings(seed=11, route="left_right")
     first = simulation.run(settings)
     # Whatever ran in between, and in a diagram of its own.
-    simulation.run(TrialSettings(seed=12, route="left_left", mode="human", confidence_gain=3.0))
+    simulation.run(TrialSettings(seed=12, route="left_left", driver="human", confidence_gain=3.0))
     again = simulation.run(settings)
     elsewhere = Simulation(scenario, learner=simulation.learner).run(settings)
     assert_same_bits(first, again)
@@ -81,22 +82,23 @@ def test_ends_as_soon_as_the_goal_is_reached(human_trial, scenario):
     assert np.all(away[:-1] > scenario.goal.radius)
 
 
-def test_or_goes_on_until_the_time_is_over(simulation):
-    trial = simulation.run(TrialSettings(mode="human", route="left_right", end="duration"))
+def test_or_goes_on_until_the_time_is_over(scenario):
+    simulation = Simulation(scenario, config=SharedControlConfig(end="duration"))
+    trial = simulation.run(TrialSettings(route="left_right"))
     assert len(trial["t"]) == 301
     assert trial["t"][-1] == pytest.approx(15.0)
     assert trial.status == "reached"
 
 
 def test_times_out_where_the_goal_is_not_reached(scenario):
-    trial = Simulation(scenario, operator=RecordedInput()).run(TrialSettings(mode="human"))
+    trial = Simulation(scenario, operator=RecordedInput()).run(TrialSettings(driver="human"))
     assert trial.status == "timed_out"
     assert len(trial["t"]) == 301
     np.testing.assert_array_equal(trial.positions, 0.0)
 
 
 def test_the_last_row_shows_the_robot_at_the_goal_whatever_the_operators_period(open_floor):
-    trial = Simulation(open_floor, operator=StraightOn()).run(TrialSettings(mode="human"))
+    trial = Simulation(open_floor, operator=StraightOn()).run(TrialSettings(driver="human"))
     assert trial.status == "reached"
     assert abs(trial["x"][-1] - 4.0) <= 0.2 < abs(trial["x"][-2] - 4.0)
     np.testing.assert_allclose(trial["t"], 0.05 * np.arange(len(trial["t"])), atol=1e-12)
@@ -116,7 +118,7 @@ def test_a_trial_broken_off_keeps_what_happened_and_says_why(simulation):
 
 
 def test_a_trial_that_is_over_does_not_run_on(simulation):
-    running = simulation.begin(TrialSettings(mode="human", route="left_right"))
+    running = simulation.begin(TrialSettings(driver="human", route="left_right"))
     running.advance(99.0)
     time = running.time
     running.advance(99.0)
@@ -126,26 +128,26 @@ def test_a_trial_that_is_over_does_not_run_on(simulation):
 
 @pytest.mark.parametrize("route", ["left_right", "right_left", "left_left"])
 def test_the_route_is_the_one_that_the_operator_drives(simulation, scenario, route):
-    trial = simulation.run(TrialSettings(mode="human", route=route))
+    trial = simulation.run(TrialSettings(driver="human", route=route))
     path = scenario.route(route).path(scenario.start)
     way = path.position(np.linspace(0, path.length, 1000))
     assert np.linalg.norm(trial.positions[:, None] - way, axis=2).min(axis=1).max() < 0.15
 
 
 def test_mode_agent_drives_by_the_agents_command_alone(simulation):
-    trial = simulation.run(TrialSettings(mode="agent", route="right_left"))
+    trial = simulation.run(TrialSettings(driver="agent", route="right_left"))
     np.testing.assert_array_equal(trial["human_weight"], 0.0)
     np.testing.assert_array_equal(trial.commands("shared"), trial.commands("autonomous"))
     assert trial.status == "reached"
 
 
 def test_the_agent_alone_does_not_depend_on_the_operator(simulation):
-    one, other = (simulation.run(TrialSettings(mode="agent", route=r)) for r in ("right_left", "left_left"))
+    one, other = (simulation.run(TrialSettings(driver="agent", route=r)) for r in ("right_left", "left_left"))
     np.testing.assert_array_equal(one.positions, other.positions)
 
 
 def test_k_is_a_setting(simulation):
-    simulation = Simulation(simulation.scenario, learner=simulation.learner, authority=False)
+    simulation = Simulation(simulation.scenario, learner=simulation.learner, config=config_for("paper"))
     usual, sure = (simulation.run(TrialSettings(confidence_gain=k)) for k in (None, 1e-3))
     np.testing.assert_array_equal(sure["human_weight"], 0.0)
     assert usual["human_weight"].max() > 0.5
@@ -163,7 +165,7 @@ def test_a_learner_that_says_nan_leaves_the_human_to_drive_alone(scenario, route
     silent = route_learner(scenario, variance=math.nan)
     silent.demonstrations = np.full_like(silent.demonstrations, math.nan)
     trial = Simulation(scenario, learner=silent).run(TrialSettings(seed=5, route="left_right"))
-    alone = Simulation(scenario).run(TrialSettings(seed=5, route="left_right", mode="human"))
+    alone = Simulation(scenario).run(TrialSettings(seed=5, route="left_right", driver="human"))
     np.testing.assert_array_equal(trial.positions, alone.positions)
     np.testing.assert_array_equal(trial["human_weight"], 1.0)
     assert np.isnan(trial["confidence"]).all()
@@ -174,8 +176,8 @@ def test_a_learner_that_says_nan_leaves_the_human_to_drive_alone(scenario, route
 def test_a_learner_that_fails_on_the_way_hands_over_to_the_human(scenario, route_learner):
     learner = route_learner(scenario, "left_right", variance=1e-4)
     learner.demonstrations[0, 75:] = math.nan
-    simulation = Simulation(scenario, learner=learner, authority=False)
-    trial = simulation.run(TrialSettings(route="left_right", end="duration"))
+    simulation = Simulation(scenario, learner=learner, config=config_for("paper", end="duration"))
+    trial = simulation.run(TrialSettings(route="left_right"))
     assert trial["human_weight"][0] == 0.0
     assert trial["human_weight"][-1] == 1.0
     assert trial.status == "reached"
@@ -183,7 +185,7 @@ def test_a_learner_that_fails_on_the_way_hands_over_to_the_human(scenario, route
 
 def test_a_recorded_human_drives_the_same_way_bit_for_bit(human_trial, scenario):
     recorded = Simulation(scenario, operator=RecordedInput(period=0.05)).run(
-        TrialSettings(mode="human", recording=human_trial.commands("human")[:-1])
+        TrialSettings(driver="human", recording=human_trial.commands("human")[:-1])
     )
     for name in ("x", "y", "yaw", "wheel_left", "wheel_right", "clearance"):
         np.testing.assert_array_equal(recorded[name], human_trial[name])
@@ -191,7 +193,7 @@ def test_a_recorded_human_drives_the_same_way_bit_for_bit(human_trial, scenario)
 
 
 def test_the_metadata_says_all_that_matters_and_is_json(simulation, scenario):
-    trial = simulation.run(TrialSettings(seed=4, route="left_left", mode="human", end="duration"))
+    trial = simulation.run(TrialSettings(seed=4, route="left_left", driver="human"))
     told = json.loads(json.dumps(trial.metadata))
     assert told["scenario"]["name"] == "two_obstacles"
     assert told["scenario"]["obstacles"][0] == {
@@ -203,13 +205,13 @@ def test_the_metadata_says_all_that_matters_and_is_json(simulation, scenario):
     }
     assert (told["learner"], told["preset"], told["learner_id"]) == ("fake", "test", "fake")
     assert (told["operator"], told["mode"], told["route"]) == ("SurrogateOperator", "human", "left_left")
-    assert (told["seed"], told["end"], told["look_ahead"]) == (4, "duration", 0.6)
+    assert (told["seed"], told["end"], told["look_ahead"]) == (4, "reached", 0.6)
     assert told["behaviour"]["delay"] == 0.2
     assert told["software"]["drake"].startswith("1.")
 
 
 def test_run_trial_is_the_short_way(human_trial, scenario):
-    assert_same_bits(run_trial(scenario, mode="human", route="left_right", seed=5), human_trial)
+    assert_same_bits(run_trial(scenario, driver="human", route="left_right", seed=5), human_trial)
 
 
 @pytest.mark.parametrize(
@@ -217,8 +219,7 @@ def test_run_trial_is_the_short_way(human_trial, scenario):
     [
         ({"route": "up"}, "has no route 'up'"),
         ({"then": "down"}, "has no route 'down'"),
-        ({"end": "never"}, "end must be one of reached, duration, got 'never'"),
-        ({"mode": "both"}, "mode must be one of shared, human, agent, got 'both'"),
+        ({"driver": "both"}, "driver"),
         ({"confidence_gain": 0.0}, "confidence_gain must be positive and finite"),
         ({"confidence_gain": math.nan}, "confidence_gain must be positive and finite"),
     ],

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from drake_shared.arbitration.authority import Authority
+from drake_shared.common.errors import RunError
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 
 
@@ -13,7 +15,7 @@ def blended(human, autonomous, confidence, mode=None) -> tuple[np.ndarray, float
     dut = ConfidenceBlender()
     context = dut.CreateDefaultContext()
     if mode is not None:
-        dut.set_mode(context, mode)
+        dut.SetDriver(context, mode)
     dut.GetInputPort("human_command").FixValue(context, human)
     dut.GetInputPort("autonomous_command").FixValue(context, autonomous)
     dut.GetInputPort("confidence").FixValue(context, [confidence])
@@ -45,11 +47,18 @@ def test_a_sure_agent_drives():
     np.testing.assert_array_equal(command, [9.1, 2.2])
 
 
-@pytest.mark.parametrize(
-    ("confidence", "weight"), [(-0.5, 1.0), (1.5, 0.0), (math.inf, 0.0), (-math.inf, 1.0)]
-)
-def test_confidence_is_clipped(confidence, weight):
-    assert blended([1.0, 1.0], [2.0, 2.0], confidence)[1] == weight
+@pytest.mark.parametrize("authority", [None, Authority()], ids=["plain", "authority"])
+@pytest.mark.parametrize("confidence", [-0.5, 1.5, math.inf, -math.inf])
+def test_a_confidence_out_of_range_is_refused_with_the_systems_name_and_the_time(confidence, authority):
+    dut = ConfidenceBlender(authority=authority)
+    dut.set_name("blender")
+    context = dut.CreateDefaultContext()
+    context.SetTime(1.25)
+    dut.GetInputPort("human_command").FixValue(context, [1.0, 1.0])
+    dut.GetInputPort("autonomous_command").FixValue(context, [2.0, 2.0])
+    dut.GetInputPort("confidence").FixValue(context, [confidence])
+    with pytest.raises(RunError, match=r"blender.*confidence.*1\.25"):
+        dut.GetOutputPort("human_weight").Eval(context)
 
 
 @pytest.mark.parametrize("nothing", [math.nan, math.inf, -math.inf])
@@ -105,7 +114,7 @@ def test_the_blend_lies_between_both():
 def test_the_mode_belongs_to_the_context():
     dut = ConfidenceBlender()
     alone, shared = dut.CreateDefaultContext(), dut.CreateDefaultContext()
-    dut.set_mode(alone, "human")
+    dut.SetDriver(alone, "human")
     for context in (alone, shared):
         dut.GetInputPort("autonomous_command").FixValue(context, [0.0, 0.0])
         dut.GetInputPort("confidence").FixValue(context, [1.0])
@@ -124,5 +133,5 @@ def test_everything_feeds_through_without_state():
 
 def test_refuses_a_mode_that_is_none():
     dut = ConfidenceBlender()
-    with pytest.raises(ValueError, match="mode must be one of shared, human, agent, got 'both'"):
-        dut.set_mode(dut.CreateDefaultContext(), "both")
+    with pytest.raises(ValueError, match="driver"):
+        dut.SetDriver(dut.CreateDefaultContext(), "both")

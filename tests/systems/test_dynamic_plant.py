@@ -87,7 +87,7 @@ def test_stays_within_2_cm_on_what_an_operator_commands(task):
     scenario = load_scenario(task)
     simulation = Simulation(scenario)
     for route in scenario.routes:
-        trial = simulation.run(TrialSettings(mode="human", route=route.name, seed=1, end="duration"))
+        trial = simulation.run(TrialSettings(route=route.name, seed=1))
         kinematic, dynamic = ways(scenario.start, trial.commands("human")[:-1])
         np.testing.assert_allclose(kinematic[:, :2], trial.positions[1:], rtol=0, atol=1e-9)
         assert np.hypot(*(kinematic - dynamic)[:, :2].T).max() < 0.02, route.name

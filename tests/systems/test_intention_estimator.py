@@ -10,6 +10,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_shared.common.errors import InputError, RunError
 from drake_shared.robots import DiffDrive
+from drake_shared.simulation.config import config_for
 from drake_shared.simulation.trial import Simulation, TrialSettings
 from drake_shared.systems.intention_estimator import IntentionEstimator
 
@@ -156,7 +157,9 @@ def test_all_outputs_come_from_one_prediction(fake_learner):
 @pytest.mark.parametrize("clock", ["time", "progress"])
 def test_one_prediction_a_step_in_a_trial(open_floor, route_learner, clock):
     learner = route_learner(open_floor, clock=clock)
-    trial = Simulation(open_floor, learner=learner).run(TrialSettings(end="duration"))
+    trial = Simulation(open_floor, learner=learner, config=config_for("test", end="duration")).run(
+        TrialSettings()
+    )
     assert len(trial["t"]) == open_floor.steps + 1
     assert open_floor.steps <= len(learner.calls) <= open_floor.steps + 1
 

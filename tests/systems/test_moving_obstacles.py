@@ -9,6 +9,7 @@ from drake_shared.analysis.replay import write_replay
 from drake_shared.common.errors import InputError
 from drake_shared.scenario import check_scenario, scenario_from_dict
 from drake_shared.scenario.obstacles import Circle, position_at
+from drake_shared.simulation.config import config_for
 from drake_shared.simulation.trial import Simulation, TrialSettings, read_log, write_log
 from drake_shared.systems.recorded_input import RecordedInput
 
@@ -25,7 +26,9 @@ def stand(scenario, plant: str, path):
     """A trial of 6 s in which nothing is commanded."""
     scenario.plant, scenario.duration, scenario.obstacles = plant, 6.0, [cart(path)]
     check_scenario(scenario)
-    return Simulation(scenario, operator=RecordedInput()).run(TrialSettings(mode="human", end="duration"))
+    return Simulation(scenario, operator=RecordedInput(), config=config_for(None, end="duration")).run(
+        TrialSettings()
+    )
 
 
 def test_is_on_its_path_and_rests_at_the_ends():

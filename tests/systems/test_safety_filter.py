@@ -17,6 +17,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive
 from drake_shared.robots.motion import motion, speeds_after
 from drake_shared.scenario.obstacles import Box, Circle, ObstacleDistance, register_obstacles
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.trial import Simulation, TrialSettings
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.moving_obstacles import AddMovingObstacles
@@ -531,8 +532,8 @@ def test_has_no_state():
 
 def straight_on(scenario, **options):
     operator = RecordedInput(commands=np.full((300, 2), FASTEST))
-    simulation = Simulation(scenario, operator=operator, **options)
-    return simulation.run(TrialSettings(mode="human", end="duration"))
+    config = SharedControlConfig(driver="human", end="duration", **options)
+    return Simulation(scenario, operator=operator, config=config).run(TrialSettings())
 
 
 def test_a_trial_logs_the_safe_command_beside_the_shared_one(scenario):
@@ -567,8 +568,8 @@ def test_in_a_trial_the_robot_yields_to_a_crossing_cart(open_floor, safety, touc
 
 
 def test_a_safe_trial_keeps_every_bit(scenario):
-    settings = TrialSettings(mode="human", route="left_right", seed=5)
+    settings = TrialSettings(driver="human", route="left_right", seed=5)
     free = Simulation(scenario).run(settings)
-    kept = Simulation(scenario, safety_clearance=0.01).run(settings)
+    kept = Simulation(scenario, config=SharedControlConfig(safety_clearance=0.01)).run(settings)
     for name, values in free.columns.items():
         np.testing.assert_array_equal(kept[name], values, err_msg=name)

@@ -114,7 +114,7 @@ def test_a_blind_operator_fails_where_a_good_one_does_not(scenario):
     def successes(skill: float) -> int:
         behaviour = Behaviour(skill=skill, noise=0.4)
         settings = [
-            TrialSettings(mode="human", route="right_left", seed=seed, behaviour=behaviour)
+            TrialSettings(driver="human", route="right_left", seed=seed, behaviour=behaviour)
             for seed in range(5)
         ]
         return sum(metrics(simulation.run(item))["success"] for item in settings)
@@ -150,7 +150,7 @@ def test_a_faster_operator_takes_less_time(open_floor):
 
     def arrival(factor: float) -> float:
         behaviour = dataclasses.replace(CALM, speed_factor=factor)
-        trial = simulation.run(TrialSettings(mode="human", behaviour=behaviour))
+        trial = simulation.run(TrialSettings(driver="human", behaviour=behaviour))
         assert trial.status == "reached"
         return trial["t"][-1]
 
@@ -283,7 +283,7 @@ def test_a_yielding_operator_lets_go_as_the_weight_of_the_last_step_falls(open_f
 def test_nobody_fights_or_yields_alone(scenario, reaction):
     simulation = Simulation(scenario)
     plain, alone = (
-        simulation.run(TrialSettings(mode="human", seed=2, behaviour=Behaviour(**options)))
+        simulation.run(TrialSettings(driver="human", seed=2, behaviour=Behaviour(**options)))
         for options in ({}, reaction)
     )
     np.testing.assert_allclose(alone.commands("human"), plain.commands("human"), atol=1e-9)
@@ -297,7 +297,7 @@ def test_who_does_not_react_is_not_changed_by_assistance(open_floor):
 def test_a_seed_draws_the_same_noise_whatever_chance_is_used_for(scenario):
     simulation = Simulation(scenario)
     plain, lagging = (
-        simulation.run(TrialSettings(mode="human", seed=3, behaviour=Behaviour(lag=lag)))["human_left"][1]
+        simulation.run(TrialSettings(driver="human", seed=3, behaviour=Behaviour(lag=lag)))["human_left"][1]
         for lag in (0.0, 1e-9)
     )
     assert plain == lagging != 0
@@ -316,7 +316,7 @@ def test_a_behaviour_is_copied_by_reference():
     ],
 )
 def test_reaches_the_goal_alone_on_every_route_of_every_task(task, route):
-    trial = Simulation(load_scenario(task)).run(TrialSettings(mode="human", route=route, seed=1))
+    trial = Simulation(load_scenario(task)).run(TrialSettings(driver="human", route=route, seed=1))
     assert trial.status == "reached"
     assert not trial["contact"].any()
 
@@ -325,7 +325,7 @@ def test_changes_its_mind_when_told_to(scenario):
     simulation = Simulation(scenario)
     behaviour = dataclasses.replace(CALM, switch_time=4.5)
     trial = simulation.run(
-        TrialSettings(mode="human", route="left_right", then="left_left", behaviour=behaviour)
+        TrialSettings(driver="human", route="left_right", then="left_left", behaviour=behaviour)
     )
     assert trial.status == "reached"
     assert sides_passed(trial) == {"first": "left", "second": "left"}

@@ -12,11 +12,12 @@ from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.experiments.benchmark.common import Setup, prediction_task, with_grid
 from drake_shared.experiments.benchmark.results import Curve, GroupResult, make_curve
 from drake_shared.experiments.benchmark.timing import Task, interleave, one_thread
+from drake_shared.experiments.benchmark.trial import whole_trials
 from drake_shared.learners import Learner
 from drake_shared.learners.cnmp.parameters import find_parameters
 from drake_shared.scenario import Scenario, Workspace
 from drake_shared.scenario.obstacles import Circle
-from drake_shared.simulation.trial import Simulation, TrialSettings
+from drake_shared.simulation.trial import TrialSettings
 
 OBSTACLES = (2, 8, 30, 120, 400, 1_000)
 QUERIES = (75, 150, 300, 600, 1_200, 2_400)
@@ -51,8 +52,8 @@ def grow_obstacles(setup: Setup, repeats: int) -> list[Curve]:
     tasks: dict[str, Task] = {}
     for count in sizes:
         scenario = add_obstacles(setup.scenario, count, duration=duration)
-        settings = TrialSettings(route=scenario.routes[0].name, end="duration")
-        tasks[str(count)] = partial(Simulation(scenario, learner=setup.learner).run, settings)
+        settings = TrialSettings(route=scenario.routes[0].name)
+        tasks[str(count)] = partial(whole_trials(scenario, setup.learner).run, settings)
     found = interleave(tasks, repeats=repeats, block=0.0)
     steps = duration / setup.scenario.control_period
     seconds = [values / steps for values in found.values()]
@@ -107,8 +108,8 @@ def grow_trials(setup: Setup, repeats: int) -> list[Curve]:
     """All trials so far, by their number."""
     sizes = (3, 10, 30) if setup.quick else TRIALS
     scenario = dataclasses.replace(setup.scenario, duration=1.0)
-    simulation = Simulation(scenario, learner=setup.learner)
-    settings = TrialSettings(route=scenario.routes[0].name, end="duration")
+    simulation = whole_trials(scenario, setup.learner)
+    settings = TrialSettings(route=scenario.routes[0].name)
     simulation.run(settings)
     seconds = np.empty((len(sizes), 1 if setup.quick else min(repeats, 2)))
     for repeat in range(seconds.shape[1]):

@@ -12,6 +12,7 @@ from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners.dataset import resample
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.scenario import Scenario
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.trial import Simulation, TrialSettings
 
 Array = NDArray[np.float64]
@@ -78,14 +79,12 @@ def drive_routes(scenario: Scenario, *, count: int, seed: int = 0) -> Demonstrat
 
     The operator is noisy, so that all differ; drives that fail are repeated with another seed.
     """
-    simulation = Simulation(scenario)
+    simulation = Simulation(scenario, config=SharedControlConfig(driver="human", end="duration"))
     behaviour = Behaviour(noise=0.6)
     items: list[Demonstration] = []
     while len(items) < count:
         route = scenario.routes[len(items) % len(scenario.routes)].name
-        trial = simulation.run(
-            TrialSettings(mode="human", route=route, seed=seed, behaviour=behaviour, end="duration")
-        )
+        trial = simulation.run(TrialSettings(route=route, seed=seed, behaviour=behaviour))
         seed += 1
         if trial.status == "reached" and not trial["contact"].any():
             items.append(Demonstration(times=trial["t"], positions=trial.positions))

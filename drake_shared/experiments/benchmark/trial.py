@@ -7,6 +7,9 @@ from functools import partial
 from drake_shared.experiments.benchmark.common import Setup
 from drake_shared.experiments.benchmark.results import GroupResult, Ratio, make_ratio
 from drake_shared.experiments.benchmark.timing import Task, interleave, spread
+from drake_shared.learners import Learner
+from drake_shared.scenario import Scenario
+from drake_shared.simulation.config import config_for
 from drake_shared.simulation.trial import Simulation, TrialSettings
 
 SHARED, HUMAN, IR_SIM = "drake_shared", "drake_shared, human alone", "IR-SIM"
@@ -19,15 +22,20 @@ _METHOD = (
 )
 
 
+def whole_trials(scenario: Scenario, learner: Learner | None) -> Simulation:
+    """Trials that last for the whole duration, so that all have the same number of steps."""
+    preset = None if learner is None else learner.preset
+    return Simulation(scenario, learner=learner, config=config_for(preset, end="duration"))
+
+
 def run(setup: Setup) -> GroupResult:
     """Runs the group."""
     scenario, learner = setup.scenario, setup.learner
     route = scenario.routes[0].name
-    shared = TrialSettings(route=route, end="duration")
-    alone = TrialSettings(route=route, end="duration", mode="human")
+    settings = TrialSettings(route=route)
     contenders: dict[str, Task] = {
-        SHARED: partial(Simulation(scenario, learner=learner).run, shared),
-        HUMAN: partial(Simulation(scenario).run, alone),
+        SHARED: partial(whole_trials(scenario, learner).run, settings),
+        HUMAN: partial(whole_trials(scenario, None).run, settings),
     }
     absent: dict[str, str] = {}
     try:

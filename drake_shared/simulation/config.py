@@ -1,0 +1,212 @@
+"""How control is shared, as one object: on the command line, in YAML files, in logs and in Python."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import json
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from drake_shared.arbitration.authority import Authority
+from drake_shared.common.errors import InputError
+from drake_shared.simulation.faults import Faults
+
+DRIVERS = ("shared", "human", "agent")
+ENDS = ("reached", "duration")
+LEAST_CLEARANCE, MOST_CLEARANCE = 0.001, 1.0
+"""Range of the clearance that a safety filter can keep, in [m]."""
+_BLEND = "blend"
+
+T = TypeVar("T")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SharedControlConfig:
+    """How control is shared between human and agent, and what the trials are.
+
+    Raises:
+        InputError: A field is out of range, or two of them contradict each other.
+    """
+
+    driver: Literal["shared", "human", "agent"] = "shared"
+    """Who drives: shared control, the human alone, or the agent alone."""
+    arbitration: str = _BLEND
+    """Arbiter of shared control: blend (by confidence), halves, traded, or a registered one, with options as
+    in traded:threshold=0.6,margin=0.1. human and agent are short for that driver."""
+    arbitration_options: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
+    """Options of the arbiter, by name."""
+    authority: Authority = dataclasses.field(default_factory=Authority)
+    """What the human keeps, whatever the agent's confidence."""
+    look_ahead: float = 0.6
+    """The agent steers to the position predicted this time ahead, in s."""
+    safety_clearance: float | None = None
+    """Distance that a safety filter keeps to obstacles, in m; None: no filter."""
+    faults: Faults = dataclasses.field(default_factory=Faults)
+    """Faults that are injected; all zero: none."""
+    confidence_gain: float | None = None
+    """K of eq. (1), in 1/m^2; None: the learner's own."""
+    end: Literal["reached", "duration"] = "reached"
+    """The trial ends at the goal, or always at its full duration."""
+
+    def __post_init__(self) -> None:
+        self._split_arbitration()
+        for name, known in (("driver", DRIVERS), ("end", ENDS)):
+            if getattr(self, name) not in known:
+                raise InputError(
+                    "config", name, f"must be one of {', '.join(known)}", repr(getattr(self, name))
+                )
+        for name in ("look_ahead", "safety_clearance", "confidence_gain"):
+            value = getattr(self, name)
+            optional = value is None and name != "look_ahead"
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not (optional or (is_number and 0.0 < value < math.inf)):
+                raise InputError("config", name, "must be positive and finite", repr(value))
+        clearance = self.safety_clearance
+        if clearance is not None and not LEAST_CLEARANCE <= clearance <= MOST_CLEARANCE:
+            expected = f"must be from {LEAST_CLEARANCE} to {MOST_CLEARANCE:g} m"
+            raise InputError("config", "safety_clearance", expected, clearance)
+        if self.authority.enabled and self.authority != Authority():
+            if self.arbitration != _BLEND:
+                raise InputError("config", "authority", f"cannot be combined with {self.arbitration!r}")
+            if self.driver != "shared":
+                raise InputError("config", "authority", f"cannot be combined with driver {self.driver!r}")
+        self.faults.check_driver(self.driver)
+
+    def __hash__(self) -> int:
+        return hash(json.dumps(self.to_json(), sort_keys=True))
+
+    def to_json(self) -> dict[str, Any]:
+        """All fields, as JSON holds them; `from_json` reads them."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def from_json(
+        cls, data: Mapping[str, Any], *, source: str | os.PathLike[str] = "config"
+    ) -> SharedControlConfig:
+        """The config that ``data`` describes; fields that are missing have their defaults.
+
+        Raises:
+            InputError: A field is unknown, of another type, out of range, or contradicts another one.
+        """
+        return _from_mapping(cls, data, source, "")
+
+    def _split_arbitration(self) -> None:
+        """Moves options in the text of ``arbitration`` to their field, and a driver there to ``driver``."""
+        if not isinstance(self.arbitration, str):
+            raise InputError(
+                "config", "arbitration", "must be the name of an arbiter", repr(self.arbitration)
+            )
+        name, colon, text = self.arbitration.partition(":")
+        if colon:
+            options = dict(self.arbitration_options) | _parse_options(text)
+            object.__setattr__(self, "arbitration_options", options)
+        if name in ("human", "agent"):
+            if self.driver not in ("shared", name):
+                raise InputError("config", "driver", f"cannot be combined with {name!r}", repr(self.driver))
+            object.__setattr__(self, "driver", name)
+            name = _BLEND
+        object.__setattr__(self, "arbitration", name)
+
+
+def config_for(preset: str | None, **changes: Any) -> SharedControlConfig:
+    """The config that goes with learners of a preset, where none is given.
+
+    Args:
+        preset: "paper" gives eq. (2) alone, without authority, as in the paper; any other one the defaults.
+            None (no learner) has no authority either, since there is no agent.
+        changes: Fields that differ.
+    """
+    if preset in (None, "paper"):
+        changes = {"authority": Authority(enabled=False), **changes}
+    return SharedControlConfig(**changes)
+
+
+def load_config(path: str | os.PathLike[str]) -> SharedControlConfig:
+    """Reads a config from a YAML file.
+
+    Raises:
+        InputError: The file cannot be read, or a field is unknown, of another type, out of range, or
+            contradicts another one. The error names the file and the path of the field.
+    """
+    import yaml
+
+    try:
+        data = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, "", f"cannot be read as a config: {error}") from error
+    except yaml.YAMLError as error:
+        raise InputError(path, "", f"must be YAML: {error}") from error
+    return SharedControlConfig.from_json({} if data is None else data, source=path)
+
+
+def config_of_log(
+    metadata: Mapping[str, Any], *, source: str | os.PathLike[str] = "the log"
+) -> SharedControlConfig:
+    """The config with which a trial was run, from the metadata of its log.
+
+    What the trial's own settings changed is not in it. Logs of version 0.1.0 hold the config in parts.
+
+    Raises:
+        InputError: The metadata hold no valid config.
+    """
+    if "config" in metadata:
+        return SharedControlConfig.from_json(metadata["config"], source=source)
+    # Logs that are older than arbitration have no such field, and no authority.
+    arbitration = metadata.get("arbitration", {"name": _BLEND, "configuration": {"authority": None}})
+    if not isinstance(arbitration, Mapping) or not isinstance(arbitration.get("configuration"), Mapping):
+        raise InputError(source, "arbitration", "must be name and configuration of an arbiter")
+    name, configuration = arbitration.get("name"), arbitration["configuration"]
+    data: dict[str, Any] = {"arbitration": name}
+    if name == _BLEND:
+        authority = configuration.get("authority")
+        data["authority"] = {"enabled": False} if authority is None else authority
+    elif name == "traded":
+        data["arbitration_options"] = configuration
+    for field in ("look_ahead", "safety_clearance", "faults", "end"):
+        if metadata.get(field) is not None:
+            data[field] = metadata[field]
+    return SharedControlConfig.from_json(data, source=source)
+
+
+def _from_mapping(cls: type[T], data: Any, source: str | os.PathLike[str], path: str) -> T:
+    """The dataclass that a mapping describes, with those inside it."""
+    if not isinstance(data, Mapping):
+        raise InputError(source, path, "must be fields with values", repr(data))
+    defaults = {field.name: getattr(cls(), field.name) for field in dataclasses.fields(cls)}  # type: ignore[arg-type]
+    values: dict[str, Any] = {}
+    for name, value in data.items():
+        where = f"{path}.{name}" if path else str(name)
+        if name not in defaults:
+            raise InputError(source, where, f"is unknown{_did_you_mean(str(name), list(defaults))}")
+        inner = type(defaults[name])
+        values[name] = (
+            _from_mapping(inner, value, source, where) if dataclasses.is_dataclass(inner) else value
+        )
+    try:
+        return cls(**values)
+    except InputError as error:
+        field = f"{path}.{error.field}" if path else error.field
+        expected = str(error).removeprefix(f"{error.source}: {error.field} ")
+        raise InputError(source, field, expected) from error
+
+
+def _did_you_mean(name: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    return f" (did you mean {close[0]!r}?)" if close else f"; known are {', '.join(known)}"
+
+
+def _parse_options(text: str) -> dict[str, float | str]:
+    options: dict[str, float | str] = {}
+    for part in text.split(","):
+        name, equals, value = (item.strip() for item in part.partition("="))
+        if not (name and equals and value):
+            raise InputError("config", "arbitration", "must be name:option=value,...", repr(part))
+        try:
+            options[name] = float(value)
+        except ValueError:
+            options[name] = value
+    return options
