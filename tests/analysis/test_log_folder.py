@@ -86,7 +86,7 @@ def plain(rows) -> str:
 
 
 def command(short: str, out: Path) -> list[str]:
-    options = ("--scenario", short, "--mode", "human", "--trials", str(TRIALS), "--json", "--out", str(out))
+    options = ("--scenario", short, "--driver", "human", "--trials", str(TRIALS), "--json", "--out", str(out))
     return ["simulate", *options]
 
 
