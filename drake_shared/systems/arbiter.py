@@ -9,9 +9,10 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, OutputPort
 
 from drake_shared.arbitration.blend import blend, finite_weight
-from drake_shared.common.errors import RunError
-from drake_shared.robots import DiffDrive, Robot
-from drake_shared.systems.intention_estimator import EMPTY_INTENTION
+from drake_shared.common.errors import InputError, RunError
+from drake_shared.robots import DiffDrive, Robot, check_robot
+from drake_shared.systems.discrete_update import check_positive
+from drake_shared.systems.intention import empty_intention
 
 DRIVERS = ("shared", "human", "agent")
 """Shared control, the human alone, or the agent alone."""
@@ -56,7 +57,7 @@ class Arbiter(LeafSystem):
         weight_inputs: Input ports on which w depends; all if None.
 
     Raises:
-        ValueError: The period is not positive, or the driver is unknown.
+        InputError: The period is not positive and finite, or the driver is unknown.
     """
 
     OPTIONAL_INPUTS = ("pose", "intention", "idle_time", "clearance")
@@ -73,9 +74,9 @@ class Arbiter(LeafSystem):
         weight_inputs: Sequence[str] | None = None,
     ) -> None:
         super().__init__()
-        if not 0.0 < period < float("inf"):
-            raise ValueError(f"period must be positive and finite, got {period}")
-        self.robot: Robot = robot or DiffDrive()
+        check_positive(self, period=period)
+        self.robot: Robot = DiffDrive() if robot is None else robot
+        check_robot(self.robot)
         self.period = period
         size = len(self.robot.command_names)
         self._human_port = self.DeclareVectorInputPort("human_command", size)
@@ -84,7 +85,7 @@ class Arbiter(LeafSystem):
         sizes = {"pose": len(self.robot.configuration_names), "idle_time": 1, "clearance": 1}
         for name in optional_inputs:
             if name == "intention":
-                self.DeclareAbstractInputPort(name, Value(EMPTY_INTENTION))
+                self.DeclareAbstractInputPort(name, Value(empty_intention(len(self.robot.position_names))))
             else:
                 self.DeclareVectorInputPort(name, sizes[name])
         _check_driver(driver)
@@ -127,7 +128,7 @@ class Arbiter(LeafSystem):
         """Sets who drives: "shared", "human" or "agent".
 
         Raises:
-            ValueError: The driver is unknown.
+            InputError: The driver is unknown.
         """
         _check_driver(driver)
         context.get_mutable_abstract_parameter(self._driver_index).set_value(driver)
@@ -191,4 +192,4 @@ class Arbiter(LeafSystem):
 
 def _check_driver(driver: str) -> None:
     if driver not in DRIVERS:
-        raise ValueError(f"driver must be one of {', '.join(DRIVERS)}, got {driver!r}")
+        raise InputError("arbiter", "driver", f"must be one of {', '.join(DRIVERS)}", repr(driver))

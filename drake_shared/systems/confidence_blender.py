@@ -21,6 +21,7 @@ from drake_shared.arbitration.authority import (
 from drake_shared.arbitration.blend import blend, confidence_weight, finite_weight
 from drake_shared.robots import Robot
 from drake_shared.systems.arbiter import Arbiter
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
 
 
 class ConfidenceBlender(Arbiter):
@@ -98,8 +99,7 @@ class ConfidenceBlender(Arbiter):
             ValueProducer(lambda: Value(initial), self._calc_state),
             {self.all_input_ports_ticket(), self.pa_ticket(), self.xd_ticket()},
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        self.DeclareForcedDiscreteUpdateEvent(self._update)
+        DeclareDiscreteUpdate(self, period=period, update=self._update)
 
     @property
     def configuration(self) -> dict[str, Any]:

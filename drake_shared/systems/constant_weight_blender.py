@@ -6,6 +6,7 @@ from typing import Any
 
 from pydrake.systems.framework import Context
 
+from drake_shared.common.errors import InputError
 from drake_shared.robots import Robot
 from drake_shared.systems.arbiter import Arbiter
 
@@ -31,7 +32,7 @@ class ConstantWeightBlender(Arbiter):
         robot, period, driver: See :class:`~drake_shared.systems.arbiter.Arbiter`.
 
     Raises:
-        ValueError: The weight is out of range.
+        InputError: The weight is out of range.
     """
 
     def __init__(
@@ -46,7 +47,7 @@ class ConstantWeightBlender(Arbiter):
             robot=robot, period=period, driver=driver, weight_inputs=("autonomous_command", "confidence")
         )
         if not 0.0 <= weight <= 1.0:
-            raise ValueError(f"weight must be from 0 to 1, got {weight}")
+            raise InputError("ConstantWeightBlender", "weight", "must be from 0 to 1", weight)
         self._weight = float(weight)
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from drake_shared.robots import DiffDrive, Robot
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
 
 
 class PoseFault(LeafSystem):
@@ -77,8 +78,7 @@ class PoseFault(LeafSystem):
         prerequisites = {self.xd_ticket(), self.input_port_ticket(self._pose_port.get_index())}
         self.DeclareVectorOutputPort("seen_pose", size, self._calc_seen, prerequisites)
         self._shown_port = self.DeclareVectorOutputPort("shown_pose", size, self._calc_shown, prerequisites)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        self.DeclareForcedDiscreteUpdateEvent(self._update)
+        DeclareDiscreteUpdate(self, period=period, update=self._update)
 
     def _in_gap(self, context: Context) -> bool:
         drawn: float = context.get_discrete_state(self._drawn_index)[0]

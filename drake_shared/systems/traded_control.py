@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues
 
+from drake_shared.common.errors import InputError
 from drake_shared.robots import Robot
 from drake_shared.systems.arbiter import Arbiter
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
 
 
 class TradedControl(Arbiter):
@@ -40,7 +42,7 @@ class TradedControl(Arbiter):
         robot, period, driver: See :class:`~drake_shared.systems.arbiter.Arbiter`.
 
     Raises:
-        ValueError: The hysteresis does not lie within (0, 1].
+        InputError: The hysteresis does not lie within (0, 1].
     """
 
     def __init__(
@@ -56,11 +58,11 @@ class TradedControl(Arbiter):
             robot=robot, period=period, driver=driver, weight_inputs=("autonomous_command", "confidence")
         )
         if not (margin >= 0.0 and threshold - margin > 0.0 and threshold + margin <= 1.0):
-            raise ValueError(f"threshold and margin must lie within 0 and 1, got {threshold}, {margin}")
+            got = f"{threshold} and {margin}"
+            raise InputError("TradedControl", "threshold", "plus and minus margin must be from 0 to 1", got)
         self._threshold, self._margin = float(threshold), float(margin)
         self._agent_index = self.DeclareDiscreteState(1)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        self.DeclareForcedDiscreteUpdateEvent(self._update)
+        DeclareDiscreteUpdate(self, period=period, update=self._update)
 
     @property
     def configuration(self) -> dict[str, Any]:

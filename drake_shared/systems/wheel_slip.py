@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
+from drake_shared.common.errors import InputError
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
+
 
 class WheelSlip(LeafSystem):
     """Reduces each wheel's command by a random share that changes from patch to patch of ground.
@@ -36,15 +39,13 @@ class WheelSlip(LeafSystem):
         size: Number of wheels.
 
     Raises:
-        ValueError: ``slip`` is out of range, or ``patch`` is not positive.
+        InputError: ``slip`` is out of range, or ``patch`` is not positive and finite.
     """
 
     def __init__(self, *, slip: float, patch: float = 0.5, size: int = 2) -> None:
         super().__init__()
         if not 0.0 <= slip <= 1.0:
-            raise ValueError(f"slip must be from 0 to 1, got {slip}")
-        if not 0.0 < patch < float("inf"):
-            raise ValueError(f"patch must be positive and finite, got {patch}")
+            raise InputError("WheelSlip", "slip", "must be from 0 to 1", slip)
         self._slip = slip
         self._command_port = self.DeclareVectorInputPort("wheel_command", size)
         self._chance_port = self.DeclareVectorInputPort("chance", size)
@@ -55,8 +56,7 @@ class WheelSlip(LeafSystem):
             self._calc_command,
             {self.xd_ticket(), self.input_port_ticket(self._command_port.get_index())},
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(patch, 0.0, self._update)
-        self.DeclareForcedDiscreteUpdateEvent(self._update)
+        DeclareDiscreteUpdate(self, period=patch, update=self._update)
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         kept = 1.0 - self._slip * context.get_discrete_state(self._ground_index).value()

@@ -148,7 +148,7 @@ def test_a_weight_that_is_no_share_is_refused(weight):
     ("threshold", "margin"), [(0.0, 0.0), (0.5, 0.5), (0.9, 0.2), (np.nan, 0.1), (0.5, -1)]
 )
 def test_a_band_beyond_what_a_confidence_can_be_is_refused(threshold, margin):
-    with pytest.raises(ValueError, match="threshold and margin"):
+    with pytest.raises(ValueError, match="threshold"):
         TradedControl(threshold=threshold, margin=margin)
 
 
