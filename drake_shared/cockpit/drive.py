@@ -109,8 +109,7 @@ def open_session(
     context manager and the session's ``run`` must be used in the same thread, as Meshcat requires.
 
     Args:
-        scenario, learner, assist, config, record, host, port, on_trial: See
-            :func:`drive`.
+        scenario, learner, assist, config, record, host, port, on_trial: See :func:`drive`.
         operator: As for :func:`drive`, or a function that returns the operator: a LeafSystem with a vector
             output port ``human_command``, in wheel speeds [rad/s], that has no direct feedthrough. The
             function is called once with the :class:`DriverLock`, whose ``latest()`` is the newest sample

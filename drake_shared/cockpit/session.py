@@ -129,9 +129,7 @@ class Session:
         self._failures += 1
         if self._failures >= MAX_FAILURES:
             self._driver_lock.set_assist(self._driver_lock.holder or 0, False)
-            self._report(
-                "The learner failed repeatedly: the human drives alone. Switch assistance on to retry."
-            )
+            self._report("Repeated failures: the human drives alone. Switch assistance on to retry.")
 
     def _wait_for_driver(self) -> int | None:
         """Waits for the next engagement. Returns None if the session is interrupted first."""
