@@ -22,6 +22,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "command_line",
     "docstrings",
+    "fields",
     "public_names",
     "pydrake_system",
     "rooms",

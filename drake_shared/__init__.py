@@ -13,175 +13,84 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from drake_shared.analysis.counterfactual import (
         Counterfactual as Counterfactual,
-    )
-    from drake_shared.analysis.counterfactual import (
         play_open_loop as play_open_loop,
     )
-    from drake_shared.analysis.metrics import (
-        metrics as metrics,
-    )
-    from drake_shared.analysis.metrics import (
-        summarize as summarize,
-    )
-    from drake_shared.analysis.replay import (
-        write_replay as write_replay,
-    )
-    from drake_shared.arbitration.authority import (
-        Authority as Authority,
-    )
+    from drake_shared.analysis.metrics import metrics as metrics, summarize as summarize
+    from drake_shared.analysis.replay import write_replay as write_replay
+    from drake_shared.arbitration.authority import Authority as Authority
     from drake_shared.cockpit import (
         CockpitServer as CockpitServer,
-    )
-    from drake_shared.cockpit import (
         DriverLock as DriverLock,
-    )
-    from drake_shared.cockpit import (
         Session as Session,
-    )
-    from drake_shared.cockpit import (
         drive as drive,
-    )
-    from drake_shared.cockpit import (
         open_session as open_session,
     )
     from drake_shared.common.errors import (
         DrakeSharedError as DrakeSharedError,
-    )
-    from drake_shared.common.errors import (
         InputError as InputError,
-    )
-    from drake_shared.common.errors import (
         RunError as RunError,
     )
     from drake_shared.demonstrations import (
+        Demonstration as Demonstration,
+        Demonstrations as Demonstrations,
         read_demonstrations as read_demonstrations,
-    )
-    from drake_shared.demonstrations import (
         write_demonstrations as write_demonstrations,
     )
     from drake_shared.learners import (
         Learner as Learner,
-    )
-    from drake_shared.learners import (
         calibrate as calibrate,
-    )
-    from drake_shared.learners import (
         load_learner as load_learner,
-    )
-    from drake_shared.learners import (
         save_learner as save_learner,
-    )
-    from drake_shared.learners import (
         train as train,
     )
-    from drake_shared.robots import (
-        DiffDrive as DiffDrive,
-    )
+    from drake_shared.robots import DiffDrive as DiffDrive, Robot as Robot
     from drake_shared.scenario import (
         Box as Box,
-    )
-    from drake_shared.scenario import (
         Circle as Circle,
-    )
-    from drake_shared.scenario import (
         Goal as Goal,
-    )
-    from drake_shared.scenario import (
         Route as Route,
-    )
-    from drake_shared.scenario import (
         Scenario as Scenario,
-    )
-    from drake_shared.scenario import (
         Start as Start,
-    )
-    from drake_shared.scenario import (
         Workspace as Workspace,
-    )
-    from drake_shared.scenario import (
         load_scenario as load_scenario,
+    )
+    from drake_shared.simulation.config import (
+        SharedControlConfig as SharedControlConfig,
+        config_of_log as config_of_log,
+        load_config as load_config,
     )
     from drake_shared.simulation.diagram import (
         AddSharedControl as AddSharedControl,
-    )
-    from drake_shared.simulation.diagram import (
         MakeSharedControlDiagram as MakeSharedControlDiagram,
-    )
-    from drake_shared.simulation.diagram import (
         SharedControl as SharedControl,
     )
-    from drake_shared.simulation.faults import (
-        Faults as Faults,
-    )
-    from drake_shared.simulation.teaching import (
-        teach as teach,
-    )
+    from drake_shared.simulation.faults import Faults as Faults
+    from drake_shared.simulation.teaching import teach as teach
     from drake_shared.simulation.trial import (
         Simulation as Simulation,
-    )
-    from drake_shared.simulation.trial import (
         Trial as Trial,
-    )
-    from drake_shared.simulation.trial import (
         TrialSettings as TrialSettings,
-    )
-    from drake_shared.simulation.trial import (
         read_log as read_log,
-    )
-    from drake_shared.simulation.trial import (
         run_trial as run_trial,
-    )
-    from drake_shared.simulation.trial import (
         write_log as write_log,
     )
-    from drake_shared.systems.arbiters import (
-        arbiter_names as arbiter_names,
-    )
-    from drake_shared.systems.arbiters import (
-        make_arbiter as make_arbiter,
-    )
-    from drake_shared.systems.confidence_blender import (
-        ConfidenceBlender as ConfidenceBlender,
-    )
-    from drake_shared.systems.diff_drive_plant import (
-        DiffDrivePlant as DiffDrivePlant,
-    )
-    from drake_shared.systems.driver_presence import (
-        DriverPresence as DriverPresence,
-    )
-    from drake_shared.systems.dynamic_plant import (
-        DynamicPlant as DynamicPlant,
-    )
-    from drake_shared.systems.intention import (
-        Intention as Intention,
-    )
-    from drake_shared.systems.intention_estimator import (
-        IntentionEstimator as IntentionEstimator,
-    )
-    from drake_shared.systems.intention_visualizer import (
-        IntentionVisualizer as IntentionVisualizer,
-    )
-    from drake_shared.systems.mouse_input import (
-        MouseInput as MouseInput,
-    )
-    from drake_shared.systems.pose_watchdog import (
-        PoseWatchdog as PoseWatchdog,
-    )
-    from drake_shared.systems.recorded_input import (
-        RecordedInput as RecordedInput,
-    )
-    from drake_shared.systems.safety_filter import (
-        SafetyFilter as SafetyFilter,
-    )
+    from drake_shared.systems.arbiters import arbiter_names as arbiter_names, make_arbiter as make_arbiter
+    from drake_shared.systems.confidence_blender import ConfidenceBlender as ConfidenceBlender
+    from drake_shared.systems.diff_drive_plant import DiffDrivePlant as DiffDrivePlant
+    from drake_shared.systems.driver_presence import DriverPresence as DriverPresence
+    from drake_shared.systems.dynamic_plant import DynamicPlant as DynamicPlant
+    from drake_shared.systems.intention import Intention as Intention
+    from drake_shared.systems.intention_estimator import IntentionEstimator as IntentionEstimator
+    from drake_shared.systems.intention_visualizer import IntentionVisualizer as IntentionVisualizer
+    from drake_shared.systems.mouse_input import MouseInput as MouseInput
+    from drake_shared.systems.pose_watchdog import PoseWatchdog as PoseWatchdog
+    from drake_shared.systems.recorded_input import RecordedInput as RecordedInput
+    from drake_shared.systems.safety_filter import SafetyFilter as SafetyFilter
     from drake_shared.systems.surrogate_operator import (
         Behaviour as Behaviour,
-    )
-    from drake_shared.systems.surrogate_operator import (
         SurrogateOperator as SurrogateOperator,
     )
-    from drake_shared.systems.waypoint_controller import (
-        WaypointController as WaypointController,
-    )
+    from drake_shared.systems.waypoint_controller import WaypointController as WaypointController
 
 # A name is imported when it is first used (PEP 562), so that a learner loads without Drake.
 _MODULES = {
@@ -193,6 +102,8 @@ _MODULES = {
     "CockpitServer": "drake_shared.cockpit",
     "ConfidenceBlender": "drake_shared.systems.confidence_blender",
     "Counterfactual": "drake_shared.analysis.counterfactual",
+    "Demonstration": "drake_shared.demonstrations",
+    "Demonstrations": "drake_shared.demonstrations",
     "DiffDrive": "drake_shared.robots",
     "DiffDrivePlant": "drake_shared.systems.diff_drive_plant",
     "DrakeSharedError": "drake_shared.common.errors",
@@ -210,12 +121,14 @@ _MODULES = {
     "MouseInput": "drake_shared.systems.mouse_input",
     "PoseWatchdog": "drake_shared.systems.pose_watchdog",
     "RecordedInput": "drake_shared.systems.recorded_input",
+    "Robot": "drake_shared.robots",
     "Route": "drake_shared.scenario",
     "RunError": "drake_shared.common.errors",
     "SafetyFilter": "drake_shared.systems.safety_filter",
     "Scenario": "drake_shared.scenario",
     "Session": "drake_shared.cockpit",
     "SharedControl": "drake_shared.simulation.diagram",
+    "SharedControlConfig": "drake_shared.simulation.config",
     "Simulation": "drake_shared.simulation.trial",
     "Start": "drake_shared.scenario",
     "SurrogateOperator": "drake_shared.systems.surrogate_operator",
@@ -225,7 +138,9 @@ _MODULES = {
     "Workspace": "drake_shared.scenario",
     "arbiter_names": "drake_shared.systems.arbiters",
     "calibrate": "drake_shared.learners",
+    "config_of_log": "drake_shared.simulation.config",
     "drive": "drake_shared.cockpit",
+    "load_config": "drake_shared.simulation.config",
     "load_learner": "drake_shared.learners",
     "load_scenario": "drake_shared.scenario",
     "make_arbiter": "drake_shared.systems.arbiters",

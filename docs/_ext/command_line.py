@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from docutils import nodes
 from docutils.parsers.rst import Directive
-
+from tables import make_table
 
 _OPTION = re.compile(
     r"--?[a-z]|\[?[A-Z]{2}"
@@ -84,36 +84,18 @@ class CommandLine(Directive):
             section = nodes.section(ids=[f"command-{command}"], names=[command])
             section += nodes.title(text=command)
             section += nodes.paragraph(text=summary)
-            section += _table(options)
+            rows = [
+                (
+                    nodes.literal(text=option.name),
+                    nodes.Text(option.meaning),
+                    nodes.literal(text=option.default) if option.default else nodes.Text(""),
+                )
+                for option in options
+            ]
+            section += make_table(("option", 30), ("meaning", 60), ("default", 10), rows=rows)
             self.state.document.note_implicit_target(section)
             sections.append(section)
         return sections
-
-
-def _table(options: list[Option]) -> nodes.table:
-    table = nodes.table(classes=["command-line"])
-    group = nodes.tgroup(cols=3)
-    table += group
-    for width in (30, 60, 10):
-        group += nodes.colspec(colwidth=width)
-    head = nodes.thead()
-    head += _row(nodes.Text("option"), nodes.Text("meaning"), nodes.Text("default"))
-    body = nodes.tbody()
-    for option in options:
-        default = nodes.literal(text=option.default) if option.default else nodes.Text("")
-        body += _row(nodes.literal(text=option.name), nodes.Text(option.meaning), default)
-    group += [head, body]
-    return table
-
-
-def _row(*cells: nodes.Node) -> nodes.row:
-    row = nodes.row()
-    for cell in cells:
-        entry, paragraph = nodes.entry(), nodes.paragraph()
-        paragraph += cell
-        entry += paragraph
-        row += entry
-    return row
 
 
 def setup(app: Any) -> dict[str, Any]:

@@ -15,8 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle as Disc
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Circle as Disc, Rectangle
 from matplotlib.transforms import Affine2D
 
 from drake_shared import (
