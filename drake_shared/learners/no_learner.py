@@ -29,6 +29,6 @@ class NoLearner:
     def predict(
         self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean NaN and variance infinite, both of shape (Q, 2)."""
-        shape = (np.size(query_times), 2)
+        """Mean NaN and variance infinite, both of shape (Q, D)."""
+        shape = (np.size(query_times), np.shape(positions)[-1])
         return np.full(shape, np.nan), np.full(shape, np.inf)

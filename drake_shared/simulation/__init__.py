@@ -1,1 +1,58 @@
-"""The diagram, a trial in it, its log, and the runner for many tasks."""
+"""Shared control in a Drake diagram: config, wiring, trials, logs, and runners for many trials."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from drake_shared.simulation.config import SharedControlConfig as SharedControlConfig
+    from drake_shared.simulation.config import config_for as config_for
+    from drake_shared.simulation.config import config_of_log as config_of_log
+    from drake_shared.simulation.config import load_config as load_config
+    from drake_shared.simulation.diagram import AddSharedControl as AddSharedControl
+    from drake_shared.simulation.diagram import MakeSharedControlDiagram as MakeSharedControlDiagram
+    from drake_shared.simulation.diagram import SharedControl as SharedControl
+    from drake_shared.simulation.faults import Faults as Faults
+    from drake_shared.simulation.log import Trial as Trial
+    from drake_shared.simulation.log import log_columns as log_columns
+    from drake_shared.simulation.log import read_log as read_log
+    from drake_shared.simulation.log import write_log as write_log
+    from drake_shared.simulation.settings import TrialSettings as TrialSettings
+    from drake_shared.simulation.settings import settings_of_log as settings_of_log
+    from drake_shared.simulation.teaching import teach as teach
+    from drake_shared.simulation.trial import RunningTrial as RunningTrial
+    from drake_shared.simulation.trial import Simulation as Simulation
+    from drake_shared.simulation.trial import run_trial as run_trial
+
+# A name is imported when it is first used (PEP 562): the command line reads configs without loading Drake.
+_MODULES = {
+    "AddSharedControl": "diagram",
+    "Faults": "faults",
+    "MakeSharedControlDiagram": "diagram",
+    "RunningTrial": "trial",
+    "SharedControl": "diagram",
+    "SharedControlConfig": "config",
+    "Simulation": "trial",
+    "Trial": "log",
+    "TrialSettings": "settings",
+    "config_for": "config",
+    "config_of_log": "config",
+    "load_config": "config",
+    "log_columns": "log",
+    "read_log": "log",
+    "run_trial": "trial",
+    "settings_of_log": "settings",
+    "teach": "teaching",
+    "write_log": "log",
+}
+
+__all__ = sorted(_MODULES)  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value

@@ -15,11 +15,12 @@ from pydrake.systems.primitives import ConstantVectorSource, Multiplexer, Random
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
 from drake_shared.learners.no_learner import NoLearner
-from drake_shared.robots import DiffDrive, Robot
+from drake_shared.robots import DiffDrive, Robot, check_robot
 from drake_shared.scenario import Scenario
 from drake_shared.scenario.obstacles import register_obstacles
 from drake_shared.simulation.config import SharedControlConfig, config_for
 from drake_shared.simulation.fault_injection import FaultInjection
+from drake_shared.simulation.log import log_columns
 from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.arbiter_guard import ArbiterGuard
 from drake_shared.systems.arbiters import check_arbiter, describe_arbiter, make_arbiter
@@ -29,8 +30,11 @@ from drake_shared.systems.dynamic_plant import DynamicPlant
 from drake_shared.systems.intention_estimator import IntentionEstimator
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
 from drake_shared.systems.moving_obstacles import AddMovingObstacles
+from drake_shared.systems.operators import check_operator, check_operator_inputs, operator_log_columns
+from drake_shared.systems.plant import plant_ports
 from drake_shared.systems.ports import check_ports
 from drake_shared.systems.recorded_input import RecordedInput
+from drake_shared.systems.robot_position import RobotPosition
 from drake_shared.systems.safety_filter import SafetyFilter
 from drake_shared.systems.surrogate_operator import SurrogateOperator
 from drake_shared.systems.waypoint_controller import WaypointController
@@ -38,14 +42,6 @@ from drake_shared.systems.waypoint_controller import WaypointController
 _DISTRIBUTIONS = {"noise": RandomDistribution.kGaussian, "chance": RandomDistribution.kUniform}
 # They stand for someone who is at the controls from the start.
 _PRESENT_OPERATORS = (SurrogateOperator, RecordedInput)
-
-
-def log_columns(robot: Robot) -> tuple[str, ...]:
-    """Names of the columns that every log of trials with ``robot`` has, but for the time."""
-    commands = [f"{who}_{name}" for who in ("human", "autonomous", "shared") for name in robot.command_names]
-    measures = ("confidence", "human_weight", "mean_variance", "clearance", "contact")
-    influence = ("moved_by_pose", "moved_by_command")
-    return (*robot.configuration_names, *commands, *robot.speed_names, *measures, *influence)
 
 
 LOG_COLUMNS = log_columns(DiffDrive())
@@ -57,6 +53,7 @@ class SharedControl:
 
     Attributes:
         config: How control is shared.
+        robot: Its names, sizes and limits.
         operator: The human input source.
         estimator: Predicts where the human is heading.
         controller: Moves toward the predicted position.
@@ -71,6 +68,7 @@ class SharedControl:
     """
 
     config: SharedControlConfig
+    robot: Robot
     operator: LeafSystem
     estimator: IntentionEstimator
     controller: LeafSystem
@@ -102,6 +100,7 @@ def AddSharedControl(
     arbiter: LeafSystem | None = None,
     controller: LeafSystem | None = None,
     plant: LeafSystem | None = None,
+    robot: Robot | None = None,
     meshcat: Meshcat | None = None,
     prefix: str = "",
 ) -> SharedControl:
@@ -110,7 +109,7 @@ def AddSharedControl(
     config.faults.check_duration(scenario.duration)
     if builder.HasSubsystemNamed(f"{prefix}operator"):
         raise InputError("prefix", "", "must differ from that of the other loop in the builder", repr(prefix))
-    loop = _Loop(builder, scenario, config, prefix)
+    loop = _Loop(builder, scenario, config, scenario.robot if robot is None else robot, prefix)
     return loop.wire(
         learner=learner,
         operator=operator or SurrogateOperator(scenario=scenario),
@@ -130,6 +129,7 @@ def MakeSharedControlDiagram(
     arbiter: LeafSystem | None = None,
     controller: LeafSystem | None = None,
     plant: LeafSystem | None = None,
+    robot: Robot | None = None,
     meshcat: Meshcat | None = None,
     prefix: str = "",
 ) -> Diagram:
@@ -156,17 +156,14 @@ def MakeSharedControlDiagram(
         config: How control is shared. If None, the one that the learner's preset names, see
             :func:`drake_shared.simulation.config.config_for`.
         learner: Predicts intentions; without one the human drives alone.
-        operator: Any LeafSystem with an output port ``human_command`` (M) that is state. Its input ports
-            named ``pose``, ``human_weight``, ``shared_command``, ``noise`` (Gaussian) or ``chance`` (uniform)
-            are connected; it has no others. An output port ``idle_time`` (1), the time since the controls
-            were last touched in [s], is used too and must be state. An attribute ``log_columns`` (port name
-            to column names) adds columns to the log. A :class:`SurrogateOperator` if None.
+        operator: A system that stands for the human; see `drake_shared.systems.operators` for its ports. A
+            :class:`SurrogateOperator` if None.
         arbiter: A system in place of the config's arbiter; see `drake_shared.systems.arbiters`.
         controller: A system in place of :class:`WaypointController`: inputs ``pose`` and ``intention``,
             output ``autonomous_command`` (M).
-        plant: A system in place of the scenario's plant: input ``wheel_command`` (M), outputs ``pose`` and
-            ``wheel_speed``, all state but for their names and sizes as the robot states them; optionally the
-            input ``geometry_query`` and the outputs ``clearance`` (1) and ``contact`` (1).
+        plant: A system in place of the scenario's plant; see `drake_shared.systems.plant` for its ports.
+        robot: Names, sizes and limits of the robot, if it is not the scenario's differential drive. It needs
+            a ``plant`` and an ``operator``.
         meshcat: Shows scene and intention.
         prefix: Of the names of all systems, for several loops in one builder.
 
@@ -190,6 +187,7 @@ def MakeSharedControlDiagram(
         arbiter=arbiter,
         controller=controller,
         plant=plant,
+        robot=robot,
         meshcat=meshcat,
         prefix=prefix,
     )
@@ -203,6 +201,7 @@ def MakeSharedControlDiagram(
     }
     for name, system in exported.items():
         builder.ExportOutput(system.GetOutputPort(name), name)
+    check_operator_inputs(builder, parts.operator)
     diagram = builder.Build()
     diagram.set_name(f"{prefix}shared_control")
     return diagram
@@ -212,13 +211,19 @@ class _Loop:
     """Adds the systems of one loop, in an order on which the random numbers of a seed depend."""
 
     def __init__(
-        self, builder: DiagramBuilder, scenario: Scenario, config: SharedControlConfig, prefix: str
+        self,
+        builder: DiagramBuilder,
+        scenario: Scenario,
+        config: SharedControlConfig,
+        robot: Robot,
+        prefix: str,
     ) -> None:
+        check_robot(robot)
         self._builder = builder
         self._scenario = scenario
         self._config = config
         self._prefix = prefix
-        self._robot = scenario.robot
+        self._robot = robot
         self._period = scenario.control_period
 
     def wire(
@@ -235,7 +240,7 @@ class _Loop:
         scene_graph = self._add("scene_graph", SceneGraph())
         register_obstacles(scene_graph, scenario.static_obstacles)
         AddMovingObstacles(self._builder, scene_graph, scenario.obstacles)
-        check_ports(operator, "operator", outputs={"human_command": len(robot.command_names)})
+        check_operator(operator, robot)
         self._add("operator", operator)
         estimator = self._add(
             "intention_estimator",
@@ -251,9 +256,11 @@ class _Loop:
             "plant" if own_plant else "diff_drive_plant", self._plant(plant, scene_graph, meshcat)
         )
 
-        pose = plant.GetOutputPort("pose")
+        ports = plant_ports(plant, robot)
+        pose = ports.pose
         human = operator.GetOutputPort("human_command")
-        clearance, contact = (self._plant_output(plant, name) for name in ("clearance", "contact"))
+        clearance = ports.clearance or self._constant("no_clearance", math.inf)
+        contact = ports.contact or self._constant("no_contact", 0.0)
         injected = FaultInjection(
             self._builder, config.faults, robot=robot, period=period, prefix=self._prefix
         )
@@ -274,22 +281,22 @@ class _Loop:
         shared = driver_switch.GetOutputPort("shared_command")
         weight = driver_switch.GetOutputPort("human_weight")
         query = scene_graph.get_query_output_port()
-        safety_filter, applied = self._safety_filter(measured, plant, shared, query)
-        self._connect(plant, {"wheel_command": injected.wheels(applied)})
-        self._connect(plant, _wanted(plant, {"geometry_query": query}))
+        safety_filter, applied = self._safety_filter(measured, ports.speed, shared, query)
+        self._builder.Connect(injected.wheels(applied), ports.command)
+        if ports.geometry_query is not None:
+            self._builder.Connect(query, ports.geometry_query)
         # The operator's command is state, so what it reads of the loop reaches it one step late.
         looped = {"pose": shown_pose, "human_weight": weight, "shared_command": shared}
         self._connect(operator, _wanted(operator, looped))
         # Faults last: the random numbers that a seed gives the operator must not depend on them.
         self._add_noise(operator)
         injected.add_noise()
-        self._check_inputs(operator, [*looped, *_DISTRIBUTIONS], "operator")
 
-        logged = [pose, human, autonomous, shared, plant.GetOutputPort("wheel_speed")]
+        logged = [pose, *self._position(pose), human, autonomous, shared, ports.speed]
         logged += [estimator.GetOutputPort("confidence"), weight, estimator.GetOutputPort("mean_variance")]
         logged += [clearance, contact, estimator.GetOutputPort("influence")]
         columns = log_columns(robot)
-        for name, extra in getattr(operator, "log_columns", {}).items():
+        for name, extra in operator_log_columns(operator).items():
             logged.append(operator.GetOutputPort(name))
             columns += tuple(extra)
         if safety_filter is not None:
@@ -311,6 +318,7 @@ class _Loop:
             self._add_visualizers(meshcat, scene_graph, plant, shown)
         return SharedControl(
             config=config,
+            robot=robot,
             operator=operator,
             estimator=estimator,
             controller=controller,
@@ -381,13 +389,9 @@ class _Loop:
     ) -> LeafSystem:
         scenario, robot = self._scenario, self._robot
         if plant is not None:
-            check_ports(
-                plant,
-                "plant",
-                inputs={"wheel_command": len(robot.command_names)},
-                outputs={"pose": len(robot.configuration_names), "wheel_speed": len(robot.speed_names)},
-            )
             return plant
+        if not isinstance(robot, DiffDrive):
+            raise InputError("robot", type(robot).__name__, "needs a plant: that of scenarios is a DiffDrive")
         # Illustration geometry costs time in every step, and serves only those who look.
         drawn_in = scene_graph if meshcat else None
         if scenario.plant == "kinematic":
@@ -406,21 +410,28 @@ class _Loop:
             scene_graph=drawn_in,
         )
 
-    def _plant_output(self, plant: LeafSystem, name: str) -> OutputPort:
-        """Clearance or contact; a plant that has no such port is clear of everything."""
-        if plant.HasOutputPort(name):
-            return plant.GetOutputPort(name)
-        constant = ConstantVectorSource([math.inf if name == "clearance" else 0.0])
-        port: OutputPort = self._add(f"no_{name}", constant).get_output_port()
+    def _constant(self, name: str, value: float) -> OutputPort:
+        """The output of a plant that has no such port: it is clear of everything."""
+        port: OutputPort = self._add(name, ConstantVectorSource([value])).get_output_port()
         return port
 
+    def _position(self, pose: OutputPort) -> list[OutputPort]:
+        """The coordinates of the position that are not part of the configuration."""
+        if set(self._robot.position_names) <= set(self._robot.configuration_names):
+            return []
+        position = self._add("robot_position", RobotPosition(robot=self._robot))
+        self._builder.Connect(pose, position.get_input_port())
+        return [position.get_output_port()]
+
     def _safety_filter(
-        self, pose: OutputPort, plant: LeafSystem, shared: OutputPort, query: OutputPort
+        self, pose: OutputPort, speed: OutputPort, shared: OutputPort, query: OutputPort
     ) -> tuple[SafetyFilter | None, OutputPort]:
         """The filter and its command, or None and the shared command."""
         clearance = self._config.safety_clearance
         if clearance is None:
             return None, shared
+        if not isinstance(self._robot, DiffDrive):
+            raise InputError("config", "safety_clearance", "requires a differential drive")
         safety_filter = self._add(
             "safety_filter",
             SafetyFilter(
@@ -430,7 +441,6 @@ class _Loop:
                 obstacles=self._scenario.obstacles,
             ),
         )
-        speed = plant.GetOutputPort("wheel_speed")
         inputs = {"pose": pose, "wheel_speed": speed, "wheel_command": shared, "geometry_query": query}
         self._connect(safety_filter, inputs)
         return safety_filter, safety_filter.GetOutputPort("safe_command")
@@ -442,14 +452,6 @@ class _Loop:
                 source = RandomSource(distribution, port.size(), self._period)
                 self._add(f"operator_{name}", source)
                 self._builder.Connect(source.get_output_port(), port)
-
-    def _check_inputs(self, system: LeafSystem, known: Sequence[str], role: str) -> None:
-        """Refuses inputs that nothing connects."""
-        for index in range(system.num_input_ports()):
-            name = system.get_input_port(index).get_name()
-            if name not in known:
-                expected = f"is an input that nothing connects; known are {', '.join(known)}"
-                raise InputError(f"{role} {type(system).__name__}", name, expected)
 
     def _add_log(self, ports: Sequence[OutputPort], size: int) -> VectorLogSink:
         multiplexer = self._add("log_multiplexer", Multiplexer([port.size() for port in ports]))

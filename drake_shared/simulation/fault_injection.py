@@ -84,7 +84,10 @@ class FaultInjection:
         if not self._faults.on_learner:
             return intention, confidence
         fault = LearnerFault(
-            delay=self._faults.late_learner, nan=self._faults.learner_nan, period=self._period
+            delay=self._faults.late_learner,
+            nan=self._faults.learner_nan,
+            robot=self._robot,
+            period=self._period,
         )
         self._insert("learner_fault", fault, intention=intention, confidence=confidence)
         late_confidence = self._log(fault, "late_confidence", "heard", ("confidence",))

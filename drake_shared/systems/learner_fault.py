@@ -9,7 +9,8 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, State
 
-from drake_shared.systems.intention import EMPTY_INTENTION, Intention
+from drake_shared.robots import DiffDrive, Robot
+from drake_shared.systems.intention import Intention, empty_intention
 
 
 class LearnerFault(LeafSystem):
@@ -42,14 +43,18 @@ class LearnerFault(LeafSystem):
     Args:
         delay: In [s]; rounded up to whole periods.
         nan: Share of steps in which NaN arrives.
+        robot: States the size of a position; the Pioneer if None.
         period: Of the control step, in [s].
     """
 
-    def __init__(self, *, delay: float = 0.0, nan: float = 0.0, period: float = 0.05) -> None:
+    def __init__(
+        self, *, delay: float = 0.0, nan: float = 0.0, robot: Robot | None = None, period: float = 0.05
+    ) -> None:
         super().__init__()
+        self._empty = empty_intention(len((robot or DiffDrive()).position_names))
         self._steps = math.ceil(delay / period - 1e-6)
         self._nan, self._period = nan, period
-        self._intention_port = self.DeclareAbstractInputPort("intention", Value(EMPTY_INTENTION))
+        self._intention_port = self.DeclareAbstractInputPort("intention", Value(self._empty))
         self._confidence_port = self.DeclareVectorInputPort("confidence", 1)
         self._chance_port = self.DeclareVectorInputPort("chance", 1)
         self._past_index = self.DeclareAbstractState(Value(_Past()))
@@ -61,7 +66,7 @@ class LearnerFault(LeafSystem):
                 for port in (self._intention_port, self._confidence_port)
             }
         self.DeclareAbstractOutputPort(
-            "late_intention", lambda: Value(EMPTY_INTENTION), self._calc_intention, prerequisites
+            "late_intention", lambda: Value(self._empty), self._calc_intention, prerequisites
         )
         self.DeclareVectorOutputPort("late_confidence", 1, self._calc_confidence, prerequisites)
         if self._steps:
@@ -82,11 +87,11 @@ class LearnerFault(LeafSystem):
         for step, intention, confidence in reversed(past.said):
             if step <= due:
                 return intention, confidence
-        return EMPTY_INTENTION, 0.0
+        return self._empty, 0.0
 
     def _calc_intention(self, context: Context, output: Value) -> None:
         if self._is_nan(context):
-            output.set_value(EMPTY_INTENTION)
+            output.set_value(self._empty)
         else:
             now = self._arrived(context)[0] if self._steps else self._intention_port.Eval(context)
             output.set_value(now)
