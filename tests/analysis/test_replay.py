@@ -57,7 +57,10 @@ def test_the_prediction_is_the_one_that_the_trial_had(scenario, route_learner, t
     asked = [[part.tolist() for part in call] for call in learner.calls]
     learner.calls.clear()
     write_replay(trial, tmp_path / "trial.html", learner=learner)
-    assert [[part.tolist() for part in call] for call in learner.calls] == asked
+    shown = [[part.tolist() for part in call] for call in learner.calls]
+    # The page is drawn every other step, perhaps not at the last row, which takes two predictions.
+    assert len(asked) - len(shown) in (0, 2)
+    assert shown == asked[: len(shown)]
     assert max(len(times) for times, _, _ in asked) == 2
 
 
