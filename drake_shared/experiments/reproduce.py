@@ -15,7 +15,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.experiments.common import ALONE_COST, run, scenario_of
 from drake_shared.experiments.report import remove_report, write_report
 from drake_shared.experiments.section import Experiment, Section, Size
-from drake_shared.simulation.runner import Progress, Store, Task, run_tasks
+from drake_shared.simulation.runner import Progress, JsonStore, Task, run_tasks
 from drake_shared.simulation.runner.executors import executor
 from drake_shared.simulation.runner.identity import identity
 
@@ -77,7 +77,7 @@ def reproduce(
         say: Told beforehand how long it will take, and what is done.
 
     Raises:
-        InputError: See `Store.open` and `run_tasks`; what is wrong with workers or cluster is found before
+        InputError: See `JsonStore.open` and `run_tasks`; what is wrong with workers or cluster is found before
             the folder is touched.
         RunError: See `run_tasks`; or the report cannot be written.
     """
@@ -90,7 +90,7 @@ def reproduce(
     }
     with executor(workers=workers, cluster=cluster):
         pass  # Where nothing can be run, no folder is begun.
-    store = Store.open(out, description, resume=resume, force=force)
+    store = JsonStore.open(out, description, resume=resume, force=force)
     if force:
         remove_report(Path(out))
     planned = {experiment.name: experiment.tasks(scenario, size) for experiment in experiments}
@@ -138,7 +138,7 @@ def reproduce(
     return sections
 
 
-def _done(store: Store, task: Task) -> bool:
+def _done(store: JsonStore, task: Task) -> bool:
     try:
         store.read(task)
     except KeyError:

@@ -1,4 +1,4 @@
-"""Which code this is: what two processes must have in common for their results to be put together."""
+"""Identifies the code that computes a result: processes whose code differs must not share a run."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ import hashlib
 import importlib.metadata
 import platform
 import reprlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from drake_shared.common.files import models_directory
 
 _LIBRARIES = ("drake", "numpy", "scipy", "torch")
-"""Those whose version may change the bits of a result."""
+"""Libraries whose version may change the bits of a result."""
 
 
 @functools.cache
 def identity() -> dict[str, str]:
-    """The package's version, a digest of its source and shipped models, and the versions below it.
+    """The package's version, a digest of its source and shipped models, and the versions of its libraries.
 
-    It is that of the time of the first call: what this process has loaded does not change with the files.
+    It is computed in the first call: later changes of the files do not change the code already loaded.
     """
     return {
         "version": _version("drake_shared"),
@@ -30,23 +31,17 @@ def identity() -> dict[str, str]:
     }
 
 
-def difference(theirs: object, ours: dict[str, str]) -> str:
-    """Says where two identities differ; empty if they do not."""
-    if not isinstance(theirs, dict):
-        return f"it is {theirs!r}"
-    names = [name for name in {**ours, **theirs} if theirs.get(name) != ours.get(name)]
-    return ", ".join(f"{name} is {theirs.get(name)}, not {ours.get(name)}" for name in names)
+def first_difference(theirs: Any, ours: Any) -> str:
+    """Describes in short where two JSON values first differ; empty if they are equal."""
+    return next(_differences(theirs, ours, ""), "")
 
 
-def first_difference(theirs: Any, ours: Any, name: str = "") -> str:
-    """Says, in short, where two descriptions of a run first differ; empty if they do not."""
+def _differences(theirs: Any, ours: Any, path: str) -> Iterator[str]:
     if isinstance(theirs, dict) and isinstance(ours, dict):
-        found = (
-            first_difference(theirs.get(key), ours.get(key), f"{name}.{key}" if name else key)
-            for key in {**ours, **theirs}
-        )
-        return next(filter(None, found), "")
-    return "" if theirs == ours else f"{name or 'it'} is {reprlib.repr(theirs)}, not {reprlib.repr(ours)}"
+        for key in {**ours, **theirs}:
+            yield from _differences(theirs.get(key), ours.get(key), f"{path}.{key}" if path else key)
+    elif theirs != ours:
+        yield f"{path or 'it'} is {reprlib.repr(theirs)}, not {reprlib.repr(ours)}"
 
 
 def _version(name: str) -> str:

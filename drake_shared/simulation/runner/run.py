@@ -1,8 +1,9 @@
-"""Runs what is not done yet, keeps each result the moment it is there, and outlives what goes wrong."""
+"""Runs tasks, stores each result as soon as it is available, and recovers from lost workers."""
 
 from __future__ import annotations
 
 import collections
+import json
 import logging
 import queue
 from collections.abc import Callable, Iterable, Iterator
@@ -13,135 +14,166 @@ from tqdm import tqdm
 
 from drake_shared.common.errors import InputError, RunError
 from drake_shared.simulation.runner.executors import Pool, executor
-from drake_shared.simulation.runner.identity import difference, identity
-from drake_shared.simulation.runner.store import KEPT, Store
+from drake_shared.simulation.runner.identity import first_difference, identity
+from drake_shared.simulation.runner.store import KEPT, ResultStore
 from drake_shared.simulation.runner.tasks import Task
 from drake_shared.simulation.runner.worker import Outcome
 
 Progress = Callable[[int, int], None]
-"""Called with the number of tasks that are done and that of all."""
+"""Called with the number of completed tasks and the number of all tasks."""
 
-PULSE = 15.0
-"""How long nothing may be heard from a pool before it is asked whether it is still there, in [s]."""
+HEARTBEAT = 15.0
+"""After this time without a result the pool is checked, in [s]."""
 
 _log = logging.getLogger(__name__)
 
 
 def run_tasks(
     tasks: Iterable[Task],
-    store: Store,
+    store: ResultStore,
     *,
     workers: int = 1,
     cluster: str | None = None,
     retries: int = 2,
     progress: Progress | None = None,
 ) -> list[Any]:
-    """Runs the tasks that the store does not have, and returns the values of all, in the order of ``tasks``.
+    """Runs the tasks that the store does not hold, and returns the values of all, in the order of ``tasks``.
 
-    The values are the same bits whatever the workers and whatever went wrong on the way. Ctrl-C, as any
-    exception, gives up what is under way and leaves what is done in the store.
+    The values are the same bits whatever the workers and whatever failed meanwhile. Any exception, such as
+    KeyboardInterrupt, abandons the running tasks and leaves the completed ones in the store.
 
     Args:
-        tasks: Two that are equal are run once.
-        store: Where results are looked up and kept.
-        workers: Processes of this machine; 1 is this process.
-        cluster: Address of a Dask scheduler to use instead. Its workers have file systems and working folders
-            of their own, so that a path in the arguments must mean the same there.
-        retries: How often a task that failed is tried again, and how often in a row a pool is made anew whose
-            processes died without finishing a task.
+        tasks: Equal tasks are run once.
+        store, workers, cluster, retries: See `run_as_completed`.
         progress: Default: a bar on standard error, if that is a terminal.
 
     Raises:
-        InputError: A task found bad input (it is not tried again), or the cluster is not as it must be.
-        RunError: A task failed for good, processes kept dying, or a result could not be kept.
+        InputError, RunError: See `run_as_completed`.
     """
-    if retries < 0:
-        raise InputError("engine", "retries", "must be 0 or more", retries)
     tasks = list(tasks)
-    values: dict[str, Any] = {}
-    missing: dict[str, Task] = {}
+    values = read_results(tasks, store)
+    missing = {task.key: task for task in tasks if task.key not in values}
+    total = len(values) + len(missing)
+    hidden = True if progress is not None else None
+    with tqdm(total=total, initial=len(values), unit="task", disable=hidden) as bar:
+        if progress is not None:
+            progress(len(values), total)
+        for task, value in run_as_completed(
+            missing.values(), store, workers=workers, cluster=cluster, retries=retries
+        ):
+            values[task.key] = value
+            bar.update()
+            if progress is not None:
+                progress(len(values), total)
+    return [values[task.key] for task in tasks]
+
+
+def read_results(tasks: Iterable[Task], store: ResultStore) -> dict[str, Any]:
+    """The values that a store holds, by the key of their task."""
+    values = {}
     for task in tasks:
         try:
             values[task.key] = store.read(task)
         except KeyError:
-            missing[task.key] = task
-    total = len(values) + len(missing)
-    with tqdm(
-        total=total, initial=len(values), unit="task", disable=True if progress is not None else None
-    ) as bar:
+            continue
+    return values
 
-        def report() -> None:
-            bar.update(len(values) - bar.n)
-            if progress is not None:
-                progress(len(values), total)
 
-        report()
-        attempts = _Attempts(retries)
-        barren = 0
-        while missing:
-            left = len(missing)
-            try:
-                with executor(workers=workers, cluster=cluster) as pool:
-                    for task, text in _finished(pool, list(missing.values()), attempts):
-                        values[task.key] = store.write(task, text)
-                        del missing[task.key]
-                        report()
-            except BrokenExecutor as error:
-                barren = barren + 1 if len(missing) == left else 0
-                if barren > retries:
-                    raise RunError(
-                        f"workers were lost {barren} times without finishing a task ({error}); {KEPT}"
-                    ) from error
-                _log.warning("%s; what is not done is run again", str(error).rstrip("."))
-    return [values[task.key] for task in tasks]
+def run_as_completed(
+    tasks: Iterable[Task],
+    store: ResultStore | None = None,
+    *,
+    workers: int = 1,
+    cluster: str | None = None,
+    retries: int = 2,
+) -> Iterator[tuple[Task, Any]]:
+    """Runs tasks and yields each with its value once that is stored.
+
+    Args:
+        tasks: With different keys.
+        store: Keeps the results, if given.
+        workers: Number of local processes; 1 is this process, in which tasks run in order, one for each step
+            of the iterator.
+        cluster: Address of a Dask scheduler to use instead. Its workers have file systems and working folders
+            of their own: a path in the arguments must mean the same there.
+        retries: How often a failed task is retried, and how often in a row lost workers are replaced without
+            a task completed in between.
+
+    Raises:
+        InputError: A task raised one (it is not retried), or the cluster cannot be used.
+        RunError: A task raised one (it is not retried) or failed too often, workers were lost too often, or a
+            result could not be stored.
+    """
+    if retries < 0:
+        raise InputError("runner", "retries", "must be 0 or more", retries)
+    missing = {task.key: task for task in tasks}
+    preload = sorted({task.module for task in missing.values()})
+    attempts = _Attempts(retries, "" if store is None else f"; {KEPT}")
+    losses = 0
+    while missing:
+        remaining = len(missing)
+        try:
+            with executor(workers=workers, cluster=cluster, preload=preload) as pool:
+                for task, text in _outcomes(pool, list(missing.values()), attempts):
+                    value = json.loads(text) if store is None else store.write(task, text)
+                    del missing[task.key]
+                    yield task, value
+        except BrokenExecutor as error:
+            losses = losses + 1 if len(missing) == remaining else 1
+            if losses > retries:
+                times = "once" if losses == 1 else f"{losses} times without completing a task"
+                reason = str(error).rstrip(".")
+                raise RunError(f"workers were lost {times} ({reason}){attempts.note}") from error
+            _log.warning("%s; the remaining tasks are run again", str(error).rstrip("."))
 
 
 class _Attempts:
     """Counts the failures of each task, over all pools.
 
     Args:
-        retries: How often each may fail and be tried again.
+        retries: How often each may fail and be retried.
+        note: Appended to the messages of errors that end the run.
     """
 
-    def __init__(self, retries: int) -> None:
+    def __init__(self, retries: int, note: str) -> None:
+        self.note = note
         self._retries = retries
         self._failures: collections.Counter[str] = collections.Counter()
 
-    def failed(self, task: Task, reason: str, details: str = "") -> None:
-        """Counts one.
+    def count_failure(self, task: Task, reason: str, details: str = "") -> None:
+        """Counts a failure.
 
         Raises:
-            RunError: It was the last.
+            RunError: It was the last that is allowed.
         """
         self._failures[task.key] += 1
         count = self._failures[task.key]
         if count > self._retries:
-            error = RunError(f"{task.function} failed {count} times ({reason}); {KEPT}")
+            error = RunError(f"{task.function} failed {count} times ({reason}){self.note}")
             if details:
                 error.add_note(details)
             raise error
-        _log.warning("%s failed (%s); it is tried again", task.function, reason)
+        _log.warning("%s failed (%s); it is retried", task.function, reason)
 
 
-def _finished(pool: Pool, tasks: list[Task], attempts: _Attempts) -> Iterator[tuple[Task, str]]:
-    """Yields each task and the JSON of its value, as they come.
+def _outcomes(pool: Pool, tasks: list[Task], attempts: _Attempts) -> Iterator[tuple[Task, str]]:
+    """Yields each task and the JSON of its value, as they complete.
 
     Raises:
-        BrokenExecutor: Processes of the pool died, and what is not done must be run in another.
-        InputError: See `run_tasks`.
-        RunError: A task failed for good.
+        BrokenExecutor: Workers were lost, and the remaining tasks must be run in another pool.
+        InputError, RunError: See `run_as_completed`.
     """
     waiting = collections.deque(tasks)
     running: dict[Future[Outcome], Task] = {}
     done: queue.SimpleQueue[Future[Outcome]] = queue.SimpleQueue()
     while waiting or running:
-        while waiting and len(running) < pool.ahead:
+        while waiting and len(running) < pool.queue_size:
             task = waiting.popleft()
             future = pool.submit(task)
             running[future] = task
             future.add_done_callback(done.put)
         try:
-            future = done.get(timeout=PULSE)
+            future = done.get(timeout=HEARTBEAT)
         except queue.Empty:
             pool.check()
             continue
@@ -151,24 +183,24 @@ def _finished(pool: Pool, tasks: list[Task], attempts: _Attempts) -> Iterator[tu
         except BrokenExecutor:
             raise
         except CancelledError as error:
-            # Nobody here cancels one and still waits for it: the scheduler has lost it, or we the scheduler.
+            # No code here cancels a future that it waits for: the connection to the scheduler was lost.
             raise BrokenExecutor("the cluster lost a task") from error
         except Exception as error:
-            # It was not the task that raised this, but what should have run it.
-            reason = f"{type(error).__name__}: {error}".splitlines()[0]
-            attempts.failed(task, reason)
+            # Not raised by the task, but by the code that should have run it.
+            attempts.count_failure(task, f"{type(error).__name__}: {error}".splitlines()[0])
             waiting.append(task)
             continue
-        if differs := difference(outcome.identity, identity()):
-            # If it is a worker of a cluster that came later, this names it.
+        if differs := first_difference(outcome.identity, identity()):
+            # If it is a worker that joined the cluster later, this names it.
             pool.check()
-            raise InputError(
-                outcome.place, "", f"must have the same drake_shared as this process: {differs}; {KEPT}"
-            )
-        if outcome.bad_input:
+            expected = f"must have the same drake_shared as this process: {differs}{attempts.note}"
+            raise InputError(outcome.place, "", expected)
+        if outcome.failure == "input":
             raise InputError(outcome.error, "", "")
+        if outcome.failure == "run":
+            raise RunError(f"{outcome.error}{attempts.note}")
         if outcome.text is None:
-            attempts.failed(task, outcome.error, outcome.details)
+            attempts.count_failure(task, outcome.error, outcome.details)
             waiting.append(task)
             continue
         yield task, outcome.text

@@ -1,4 +1,4 @@
-"""A folder of results: what run they are of, and one file for each task that is done."""
+"""Stores of results: a description of the run, and one JSON file for each completed task."""
 
 from __future__ import annotations
 
@@ -8,29 +8,49 @@ import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from drake_shared.common.errors import DrakeSharedError, InputError, RunError
 from drake_shared.common.files import check_writable, replacing
-from drake_shared.simulation.runner.identity import difference, first_difference, identity
+from drake_shared.simulation.runner.identity import first_difference, identity
 from drake_shared.simulation.runner.tasks import Task, as_json, canonical
 
 FORMAT = "drake_shared run"
 FORMAT_VERSION = 1
 RUN = "run.json"
 RESULTS = "results"
-KEPT = "what is complete is kept, and --resume goes on from it"
+KEPT = "completed results are kept, and --resume continues from them"
+OVERWRITE = "use --force to overwrite, or another folder"
 
-# What replacing() leaves of a file when its process is killed has a name like .run.json.k3v9x2ab.
+# Temporary files of replacing(), which a killed process leaves, are called .run.json.k3v9x2ab and the like.
 _OUR_RUN = re.compile(r"run\.json|\.run\.json\.\w+")
 _OUR_RESULT = re.compile(r"[0-9a-f]{24}\.json|\.[0-9a-f]{24}\.json\.\w+")
 
 
-class Store:
+class ResultStore(Protocol):
+    """Keeps the values of completed tasks."""
+
+    def read(self, task: Task) -> Any:
+        """The value of a completed task.
+
+        Raises:
+            KeyError: It is not completed, or its file is damaged.
+            InputError: Its file belongs to another run.
+        """
+
+    def write(self, task: Task, text: str) -> Any:
+        """Keeps the value of a task, given as JSON, and returns what `read` will return.
+
+        Raises:
+            RunError: It cannot be written.
+        """
+
+
+class JsonStore:
     """The results of one run in a folder; made by `open`.
 
-    ``run.json`` says what the run is and which code made it; ``results/KEY.json`` holds function, arguments
-    and value of the task with that key. Every file is whole or not there.
+    ``run.json`` describes the run and the code that computes it; ``results/KEY.json`` holds function, arguments
+    and value of the task with that key. Every file is written atomically.
 
     Attributes:
         folder: Where they are.
@@ -48,37 +68,35 @@ class Store:
         *,
         resume: bool = False,
         force: bool = False,
-    ) -> Store:
-        """Begins a run in an empty or new folder, or goes on with the one that is there.
+    ) -> JsonStore:
+        """Starts a run in an empty or new folder, or resumes the one in it.
 
         Args:
-            folder: Made if it is not there.
-            description: What decides the results, of what JSON can say: settings, seeds, digests of files.
-            resume: Go on with the same run, if one was begun.
-            force: Begin anew where there is something already; of that, only what a store wrote is removed.
+            folder: Created if it does not exist.
+            description: JSON-serializable description of all that determines the results: settings, seeds,
+                digests of files.
+            resume: Resume the same run, if there is one.
+            force: Overwrite the run in the folder; only files that a store wrote are removed.
 
         Raises:
-            InputError: The folder holds something and neither was asked for, holds another run or results of
-                other code, or cannot be written to; or both were asked for.
+            InputError: The folder is not empty and neither ``resume`` nor ``force`` is set, it holds another
+                run or results of other code, or it cannot be written to; or both are set.
             RunError: The disk is full.
         """
-        if resume and force:
-            raise InputError(folder, "", "must be resumed or begun anew (--resume or --force), not both")
+        check_resume_or_force(folder, resume=resume, force=force)
         store = cls(folder)
         check_writable(folder)
         described = {"description": json.loads(as_json(description)), "package": identity()}
-        try:
+        with accessing(folder):
             if force:
                 store._clear()
-            occupied = not force and store._content()
-        except OSError as error:
-            raise InputError(folder, "", f"must be a folder to read and write ({error.strerror})") from error
+            occupied = not force and store._is_occupied()
         if occupied:
             if not resume:
-                ways = "--force to begin a run beside what is there"
+                choice = "use --force to start a run beside its files"
                 if (store.folder / RUN).exists():
-                    ways = "--resume to go on with the run that is there, --force to begin anew in its place"
-                raise InputError(folder, "", f"must be empty: give {ways}, or another folder")
+                    choice = "use --resume to resume the run in it, --force to overwrite that run"
+                raise InputError(folder, "", f"must be empty: {choice}, or another folder")
             store._check(described)
             return store
         head = {"format": FORMAT, "format_version": FORMAT_VERSION, **described}
@@ -87,11 +105,7 @@ class Store:
         return store
 
     def read(self, task: Task) -> Any:
-        """The value of a task that is done.
-
-        Raises:
-            KeyError: It is not, or its file does not hold it (a machine that lost its power may leave that).
-        """
+        """See `ResultStore.read`."""
         try:
             record = json.loads(self._path(task).read_text(encoding="utf-8"))
             if canonical([record["function"], record["arguments"]]) == canonical(
@@ -103,11 +117,7 @@ class Store:
         raise KeyError(task.key)
 
     def write(self, task: Task, text: str) -> Any:
-        """Keeps the value of a task, given as JSON, and returns what will be read.
-
-        Raises:
-            RunError: The disk is full, or the folder is gone or no longer to be written to.
-        """
+        """See `ResultStore.write`."""
         head = f'"function":{canonical(task.function)},"arguments":{canonical(task.arguments)}'
         with self.writing(), replacing(self._path(task)) as temporary:
             temporary.write_text(f'{{{head},"value":{text}}}\n', encoding="utf-8")
@@ -115,13 +125,13 @@ class Store:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
-        """Has what its body writes to the folder fail as a run does; where no run is any more, nothing is.
+        """Reports errors of writing to the folder as failures of the run.
 
         Raises:
-            RunError: The disk is full, or the folder is gone or no longer to be written to.
+            RunError: The disk is full, or the folder was removed or can no longer be written to.
         """
         if not (self.folder / RUN).is_file():
-            raise RunError(f"{self.folder}: {RUN} was removed while the run was on")
+            raise RunError(f"{self.folder}: {RUN} was removed during the run")
         try:
             yield
         except DrakeSharedError as error:
@@ -130,36 +140,33 @@ class Store:
     def _path(self, task: Task) -> Path:
         return self._results / f"{task.key}.json"
 
-    def _content(self) -> bool:
-        """Whether anything but the remains of a file half written is there."""
+    def _is_occupied(self) -> bool:
+        """Whether the folder holds more than temporary files of a killed process."""
         return any(path.name == RUN or not _OUR_RUN.fullmatch(path.name) for path in self.folder.iterdir())
 
     def _check(self, described: dict[str, Any]) -> None:
         run = self.folder / RUN
-        anew = "give --force to begin anew, or another folder"
         try:
             there = json.loads(run.read_text(encoding="utf-8"))
         except FileNotFoundError:
-            raise InputError(self.folder, "", f"must hold a run to be resumed; {anew}") from None
+            raise InputError(self.folder, "", f"must hold a run to be resumed; {OVERWRITE}") from None
         except (OSError, ValueError) as error:
-            raise InputError(run, "", f"must be readable ({type(error).__name__}); {anew}") from error
+            raise InputError(run, "", f"must be readable ({type(error).__name__}); {OVERWRITE}") from error
         if not isinstance(there, dict) or (there.get("format"), there.get("format_version")) != (
             FORMAT,
             FORMAT_VERSION,
         ):
-            raise InputError(run, "format", f"must be {FORMAT!r} version {FORMAT_VERSION}; {anew}")
-        if canonical(there.get("description")) != canonical(described["description"]):
-            differs = first_difference(there.get("description"), described["description"])
-            raise InputError(self.folder, "", f"must hold the same run to be resumed: {differs}; {anew}")
-        if differs := difference(there.get("package"), described["package"]):
-            raise InputError(
-                self.folder, "", f"must hold results of the same code to be resumed: {differs}; {anew}"
-            )
+            raise InputError(run, "format", f"must be {FORMAT!r} version {FORMAT_VERSION}; {OVERWRITE}")
+        for name, what in (("description", "the same run"), ("package", "results of the same code")):
+            if canonical(there.get(name)) != canonical(described[name]):
+                differs = first_difference(there.get(name), described[name])
+                raise InputError(
+                    self.folder, "", f"must hold {what} to be resumed: {differs}; {OVERWRITE}"
+                )
 
     def _clear(self) -> None:
-        ours = [path for path in self.folder.iterdir() if _OUR_RUN.fullmatch(path.name)]
-        # Without its description a result cannot be taken for one of the next run, if we are killed here.
-        for path in ours:
+        # First the description: if the process is killed here, no result is taken for one of the next run.
+        for path in [path for path in self.folder.iterdir() if _OUR_RUN.fullmatch(path.name)]:
             path.unlink()
         if not self._results.is_dir():
             return
@@ -168,3 +175,26 @@ class Store:
                 path.unlink()
         if not any(self._results.iterdir()):
             self._results.rmdir()
+
+
+def check_resume_or_force(folder: str | os.PathLike[str], *, resume: bool, force: bool) -> None:
+    """Refuses both options together.
+
+    Raises:
+        InputError: Both are set.
+    """
+    if resume and force:
+        raise InputError(folder, "", "must be resumed or overwritten (--resume or --force), not both")
+
+
+@contextlib.contextmanager
+def accessing(folder: str | os.PathLike[str]) -> Iterator[None]:
+    """Reports an OSError as bad input that names the folder.
+
+    Raises:
+        InputError: The body raised an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise InputError(folder, "", f"must be a folder to read and write ({error.strerror})") from error

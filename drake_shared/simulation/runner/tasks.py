@@ -1,4 +1,4 @@
-"""What is to be run: a function's name and its arguments, as text that is the same everywhere."""
+"""Tasks: the name of a function and its arguments, as text that is the same everywhere."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ _FUNCTION = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 
 @dataclasses.dataclass(frozen=True)
 class Task:
-    """A call that another process can make, or another machine, with the same result.
+    """A call that another process or another machine can make, with the same result.
 
     Attributes:
         function: "package.module:name" of a function of that module.
-        arguments: Its keyword arguments, of what JSON can say; tuples become lists and numpy's numbers and
-            arrays plain ones at once, so that the function gets the same wherever it runs.
+        arguments: Its keyword arguments, which must be JSON-serializable. Tuples are converted to lists, and
+            NumPy scalars and arrays to numbers and lists, at once: the function receives the same arguments
+            wherever it runs.
 
     Raises:
-        InputError: The function's name is not of that form, or JSON cannot say the arguments.
+        InputError: The name of the function is malformed, or the arguments are not JSON-serializable.
     """
 
     function: str
@@ -38,11 +39,21 @@ class Task:
             arguments = json.loads(canonical(self.arguments))
         except (TypeError, ValueError) as error:
             raise InputError(
-                f"task {self.function}", "arguments", f"must be what JSON can say ({error})"
+                f"task {self.function}", "arguments", f"must be JSON-serializable ({error})"
             ) from None
         if not isinstance(arguments, dict):
             raise InputError(f"task {self.function}", "arguments", "must be given by name", arguments)
         object.__setattr__(self, "arguments", arguments)
+
+    @classmethod
+    def of(cls, function: Callable[..., Any], **arguments: Any) -> Task:
+        """The call of a function that is defined at the top of its module."""
+        return cls(f"{function.__module__}:{function.__qualname__}", arguments)
+
+    @property
+    def module(self) -> str:
+        """The module of the function."""
+        return self.function.partition(":")[0]
 
     @property
     def key(self) -> str:
@@ -53,37 +64,37 @@ class Task:
         """Imports the function.
 
         Raises:
-            InputError: There is no such module or function.
+            InputError: The module or the function does not exist.
         """
-        module, name = self.function.split(":")
+        name = self.function.partition(":")[2]
         try:
-            function = getattr(importlib.import_module(module), name, None)
+            function = getattr(importlib.import_module(self.module), name, None)
         except ModuleNotFoundError as error:
-            raise InputError("task", "function", f"must be in a module that is there ({error})") from error
+            raise InputError("task", "function", f"must be in an existing module ({error})") from error
         if not callable(function):
-            raise InputError("task", "function", f"must be a function of {module}", name)
+            raise InputError("task", "function", f"must be a function of {self.module}", name)
         return function
 
     def run(self) -> Any:
-        """Calls the function and returns what it did, as it would be read from a file."""
+        """Calls the function and returns its value as it would be read from a file."""
         return json.loads(as_json(self.find()(**self.arguments)))
 
 
 def canonical(value: Any) -> str:
-    """The one JSON text of a value, whatever the order of its keys; else as `as_json`."""
+    """The JSON text of a value with sorted keys; otherwise as `as_json`."""
     return as_json(value, sort_keys=True)
 
 
 def as_json(value: Any, *, sort_keys: bool = False) -> str:
     """A value as JSON, with every digit of every float.
 
-    NaN and the infinities are written as ``NaN``, ``Infinity`` and ``-Infinity``, which is not in the
-    standard but is what Python's json reads and writes, so that no number is lost.
+    NaN and infinities are written as ``NaN``, ``Infinity`` and ``-Infinity``, which are not in the standard
+    but are read by Python's json module.
 
     Raises:
-        TypeError, ValueError: JSON cannot say it.
+        TypeError, ValueError: The value is not JSON-serializable.
     """
-    return json.dumps(value, sort_keys=sort_keys, separators=(",", ":"), default=_plain)
+    return json.dumps(value, sort_keys=sort_keys, separators=(",", ":"), default=_as_plain)
 
 
 def digest(text: str) -> str:
@@ -91,8 +102,8 @@ def digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
-def _plain(value: Any) -> Any:
-    # Numbers and arrays of numpy (and torch) alike, without importing either.
+def _as_plain(value: Any) -> Any:
+    # NumPy's scalars and arrays (and torch's tensors), without importing either.
     if callable(getattr(value, "tolist", None)):
         return value.tolist()
-    raise TypeError(f"{type(value).__name__} is not of JSON")
+    raise TypeError(f"{type(value).__name__} is not JSON-serializable")

@@ -1,4 +1,4 @@
-"""What a worker does, in whatever process it is: one task at a time, on one thread, to the same bits."""
+"""Runs single tasks in a worker process, on one thread."""
 
 from __future__ import annotations
 
@@ -8,35 +8,33 @@ import logging
 import os
 import platform
 import signal
-import sys
 import threading
 import traceback
-from collections.abc import Iterator
 from multiprocessing.connection import Connection
 
-from threadpoolctl import threadpool_limits
-
-from drake_shared.common.errors import InputError
+from drake_shared.common.errors import InputError, RunError
+from drake_shared.common.threads import limit_threads, single_threaded
 from drake_shared.simulation.runner.identity import identity
 from drake_shared.simulation.runner.tasks import Task, as_json
 
-# Taken when the code is loaded: a worker may outlive a change of the files.
+# Computed when the code is loaded: a worker may outlive a change of the files.
 _IDENTITY = identity()
-# A Dask worker may have threads; a diagram that is kept between trials may not be in two of them.
-_ALONE = threading.RLock()
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+# A Dask worker may have several threads; a cached diagram must not be used by two of them.
+_ONE_AT_A_TIME = threading.RLock()
+_FAILURES = {InputError: "input", RunError: "run"}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of a task; plain text, so that it can be sent whatever happened.
+    """The result of a task, or why it failed, as text that can always be sent to another process.
 
     Attributes:
         identity: See `drake_shared.simulation.runner.identity.identity`.
-        place: The process, for people.
-        text: What the function returned, as JSON; None if it failed.
-        error: The first line of why it failed.
-        bad_input: Whether it failed by an InputError, and would again.
+        place: The process, for messages.
+        text: The value of the function as JSON; None if it failed.
+        error: The first line of the reason for the failure.
+        failure: "input" or "run" for an InputError or RunError, which would occur again; "other" for other
+            exceptions; empty if the task succeeded.
         details: The traceback.
     """
 
@@ -44,67 +42,46 @@ class Outcome:
     place: str
     text: str | None = None
     error: str = ""
-    bad_input: bool = False
+    failure: str = ""
     details: str = ""
 
 
-def work(task: Task) -> Outcome:
-    """Runs a task and says what became of it; only what ends the process is raised."""
+def run_task(task: Task) -> Outcome:
+    """Runs a task in a process whose threads are limited; no exception of the task is raised."""
     place = f"process {os.getpid()} on {platform.node()}"
     try:
-        with _ALONE:
-            function = task.find()
-            with one_thread():
-                text = as_json(function(**task.arguments))
+        text = as_json(task.find()(**task.arguments))
     except Exception as error:
-        bad_input = isinstance(error, InputError)
-        first = next(iter(str(error).splitlines()), "")
+        first_line = next(iter(str(error).splitlines()), "")
+        failure = next((kind for known, kind in _FAILURES.items() if isinstance(error, known)), "other")
+        if failure == "other":
+            first_line = f"{type(error).__name__}: {first_line}".removesuffix(": ")
         return Outcome(
-            identity=_IDENTITY,
-            place=place,
-            error=first if bad_input else f"{type(error).__name__}: {first}".removesuffix(": "),
-            bad_input=bad_input,
-            details=traceback.format_exc(),
+            identity=_IDENTITY, place=place, error=first_line, failure=failure, details=traceback.format_exc()
         )
     return Outcome(identity=_IDENTITY, place=place, text=text)
 
 
-@contextlib.contextmanager
-def one_thread() -> Iterator[None]:
-    """Holds BLAS, OpenMP and torch to one thread each: more change the bits, and slow small arrays down."""
-    torch = sys.modules.get("torch")
-    threads = None if torch is None else torch.get_num_threads()
-    before = {name: os.environ.get(name) for name in _THREADS}
-    # For the libraries that the task itself loads.
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    if torch is not None:
-        torch.set_num_threads(1)
-    try:
-        with threadpool_limits(1):
-            yield
-    finally:
-        if torch is not None:
-            torch.set_num_threads(threads)
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+def run_task_on_cluster(task: Task) -> Outcome:
+    """Runs a task in a process of Dask, whose threads are limited for the time of the task."""
+    with _ONE_AT_A_TIME, single_threaded():
+        return run_task(task)
 
 
 def start_local_worker(lifeline: Connection) -> None:
-    """Prepares a process of a local pool, which ends when the other end of ``lifeline`` is closed.
+    """Prepares a process of a local pool, which exits when the other end of ``lifeline`` is closed.
 
-    That happens when the run is given up, and also when its process is killed. Ctrl-C reaches every process
-    of a terminal; what it means is for the one that the person started to say.
+    The other end is closed when the run is abandoned, and when its process is killed. Ctrl-C reaches every
+    process of a terminal; only the process that the user started handles it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # A replay's Meshcat would announce an address that is not there to be opened.
+    # A replay's Meshcat would print an address that nobody can open.
     logging.getLogger("drake").setLevel(logging.WARNING)
-    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
+    limit_threads()
+    threading.Thread(target=_exit_with, args=(lifeline,), daemon=True).start()
 
 
-def _end_with(lifeline: Connection) -> None:
+def _exit_with(lifeline: Connection) -> None:
     with contextlib.suppress(EOFError, OSError):
         lifeline.recv_bytes()
     os._exit(1)

