@@ -107,7 +107,7 @@ def run_batch(
 
 
 def run_trial(batch: dict[str, Any], index: int) -> dict[str, Any]:
-    """Runs trial ``index`` of a batch (see `Batch.to_json`), writes its log if required, and returns its row."""
+    """Runs a trial of a batch, given as `Batch.to_json`, writes its log if required, and returns its row."""
     return _trials(canonical(batch)).run(index)
 
 

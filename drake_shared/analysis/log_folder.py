@@ -78,9 +78,7 @@ class LogStore:
         describe: Returns the metadata, all but the status, that the log of a trial must have.
     """
 
-    def __init__(
-        self, folder: str, indices: list[int], describe: Callable[[int], Mapping[str, Any]]
-    ) -> None:
+    def __init__(self, folder: str, indices: list[int], describe: Callable[[int], Mapping[str, Any]]) -> None:
         self._folder = folder
         self._indices = frozenset(indices)
         self._describe = describe

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from pydrake.systems.framework import LeafSystem
-from threadpoolctl import threadpool_limits
 
 from drake_shared.cockpit.driver_lock import DriverLock
 from drake_shared.cockpit.meshcat_proxy import start_meshcat
@@ -21,6 +20,7 @@ from drake_shared.cockpit.server import DEFAULT_PORT, CockpitServer
 from drake_shared.cockpit.session import Session
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_writable
+from drake_shared.common.threads import single_threaded
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig
@@ -180,7 +180,7 @@ def _low_latency() -> Iterator[None]:
     gc.collect()
     gc.freeze()
     try:
-        with threadpool_limits(limits=1):
+        with single_threaded():
             yield
     finally:
         gc.unfreeze()

@@ -15,24 +15,24 @@ from drake_shared.common.errors import InputError
 from drake_shared.experiments.common import ALONE_COST, run, scenario_of
 from drake_shared.experiments.report import remove_report, write_report
 from drake_shared.experiments.section import Experiment, Section, Size
-from drake_shared.simulation.runner import Progress, JsonStore, Task, run_tasks
+from drake_shared.simulation.runner import JsonStore, Progress, Task, run_tasks
 from drake_shared.simulation.runner.executors import executor
 from drake_shared.simulation.runner.identity import identity
 
-NAMES = (
-    "weighting",
-    "shared_run",
-    "second_sets",
-    "second_learners",
-    "arbitration_compared",
-    "sensitivity",
-    "generations",
-    "mispredictions",
-    "faults_injected",
-    "where_help_hurts",
-    "operators_drawn",
-)
-"""Modules of this room with an experiment each, in the order of the report."""
+MODULES = {
+    "weighting": "fig2_weighting",
+    "shared_run": "fig3_fig4_shared_run",
+    "second_sets": "fig5_sets",
+    "second_learners": "fig6_learners",
+    "arbitration_compared": "arbitration_compared",
+    "sensitivity": "sensitivity",
+    "generations": "generations",
+    "mispredictions": "mispredictions",
+    "faults_injected": "faults_injected",
+    "where_help_hurts": "where_help_hurts",
+    "operators_drawn": "operators",
+}
+"""Names of the experiments and their modules in this package, in the order of the report."""
 TITLE = "Adaptive shared control with human intention estimation: a reproduction"
 
 
@@ -43,10 +43,10 @@ def find_experiments(only: Sequence[str] = ()) -> list[Experiment]:
         InputError: There is none of a name.
     """
     for name in only:
-        if name not in NAMES:
-            raise InputError("reproduce", "only", f"must be among {', '.join(NAMES)}", repr(name))
-    chosen = [name for name in NAMES if name in only or not only]
-    return [import_module(f"drake_shared.experiments.{name}").EXPERIMENT for name in chosen]
+        if name not in MODULES:
+            raise InputError("reproduce", "only", f"must be among {', '.join(MODULES)}", repr(name))
+    chosen = [module for name, module in MODULES.items() if name in only or not only]
+    return [import_module(f"drake_shared.experiments.{module}").EXPERIMENT for module in chosen]
 
 
 def reproduce(
@@ -77,8 +77,8 @@ def reproduce(
         say: Told beforehand how long it will take, and what is done.
 
     Raises:
-        InputError: See `JsonStore.open` and `run_tasks`; what is wrong with workers or cluster is found before
-            the folder is touched.
+        InputError: See `JsonStore.open` and `run_tasks`; errors in workers or cluster are found before the
+            folder is touched.
         RunError: See `run_tasks`; or the report cannot be written.
     """
     world = scenario_of(scenario)

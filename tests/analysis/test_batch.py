@@ -94,7 +94,7 @@ def test_bad_input_in_a_worker_is_reported_as_in_this_process():
 
 
 def test_numbers_below_1_are_bad_input():
-    with pytest.raises(InputError, match="trials .* 0$"):
+    with pytest.raises(InputError, match=r"trials .* 0$"):
         Batch(count=0)
-    with pytest.raises(InputError, match="workers .* 0$"):
+    with pytest.raises(InputError, match=r"workers .* 0$"):
         list(run_batch(ALONE, workers=0))

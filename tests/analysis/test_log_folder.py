@@ -203,7 +203,7 @@ def test_a_killed_worker_ends_the_run_with_status_1_and_leaves_complete_logs(sho
 def test_existing_logs_are_neither_overwritten_nor_mixed_with_others(batch, tmp_path):
     rows = list(run_batch(batch()))
     kept = contents(tmp_path / "logs")
-    with pytest.raises(InputError, match="--resume .* --force") as caught:
+    with pytest.raises(InputError, match=r"--resume .* --force") as caught:
         run_batch(batch())
     assert "\n" not in str(caught.value)
     assert plain(run_batch(batch(), resume=True)) == plain(rows)
@@ -286,9 +286,7 @@ def test_a_full_disk_ends_the_batch_and_keeps_earlier_logs(batch, tmp_path, monk
     before = [next(rows), next(rows)]
     with monkeypatch.context() as patched:
         patched.setattr("pyarrow.parquet.write_table", full)
-        with pytest.raises(
-            RunError, match=r"trial_00002\.parquet: .*No space left on device"
-        ) as caught:
+        with pytest.raises(RunError, match=r"trial_00002\.parquet: .*No space left on device") as caught:
             next(rows)
     assert "\n" not in str(caught.value)
     assert sorted(os.listdir(tmp_path / "logs")) == [Path(row["log"]).name for row in before]

@@ -8,10 +8,11 @@ from functools import partial
 
 import numpy as np
 
+from drake_shared.common.threads import single_threaded
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.experiments.benchmark.common import Setup, prediction_task, with_grid
 from drake_shared.experiments.benchmark.results import Curve, GroupResult, make_curve
-from drake_shared.experiments.benchmark.timing import Task, interleave, one_thread
+from drake_shared.experiments.benchmark.timing import Task, interleave
 from drake_shared.experiments.benchmark.trial import whole_trials
 from drake_shared.learners import Learner
 from drake_shared.learners.cnmp.parameters import find_parameters
@@ -38,7 +39,7 @@ def run(setup: Setup) -> GroupResult:
     """Runs the group."""
     repeats = 2 if setup.quick else max(3, setup.repeats // 3)
     curves = []
-    with one_thread():
+    with single_threaded():
         for measure in (grow_obstacles, grow_queries, grow_demonstrations, grow_trials):
             setup.progress(f"growth: {measure.__name__.removeprefix('grow_')}")
             curves += measure(setup, repeats)

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from drake_shared.common.threads import single_threaded
 from drake_shared.experiments.benchmark.common import Setup, with_grid
 from drake_shared.experiments.benchmark.networks import (
     Network,
@@ -18,7 +19,7 @@ from drake_shared.experiments.benchmark.networks import (
     make_torch,
 )
 from drake_shared.experiments.benchmark.results import GroupResult, Ratio, make_ratio
-from drake_shared.experiments.benchmark.timing import Spread, Task, interleave, one_thread, spread
+from drake_shared.experiments.benchmark.timing import Spread, Task, interleave, spread
 from drake_shared.learners.cnmp.learner import CnmpLearner
 from drake_shared.learners.cnmp.model import CnmpModel
 
@@ -49,7 +50,7 @@ def run(setup: Setup) -> GroupResult:
     absent: dict[str, str] = {}
     for first in (0, QUERIES // 2 + 1):
         note = f", {QUERIES - first} queries"
-        with one_thread():
+        with single_threaded():
             contenders, missing = make_contenders(learner, first, compiled=not setup.quick)
             found = interleave(contenders, repeats=setup.repeats, block=0.01 if setup.quick else 0.05)
         absent |= missing

@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 
 import numpy as np
-import torch
 from numpy.typing import ArrayLike, NDArray
-from threadpoolctl import threadpool_limits
+
+from drake_shared.common.threads import single_threaded
 
 Task = Callable[[], object]
 Seconds = NDArray[np.float64]
@@ -38,18 +37,6 @@ def spread(values: ArrayLike) -> Spread:
     return Spread(median=median, low=low, high=high, count=int(np.size(values)))
 
 
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Limits BLAS and torch to one thread: a second one slows down networks of this size."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with threadpool_limits(1):
-            yield
-    finally:
-        torch.set_num_threads(threads)
-
-
 def interleave(contenders: Mapping[str, Task], *, repeats: int, block: float = 0.02) -> dict[str, Seconds]:
     """CPU time per call of each contender, on one thread, in each repeat.
 
@@ -66,7 +53,7 @@ def interleave(contenders: Mapping[str, Task], *, repeats: int, block: float = 0
     """
     names = list(contenders)
     seconds = {name: np.empty(repeats) for name in names}
-    with one_thread():
+    with single_threaded():
         calls = {name: _number_of_calls(task, block) for name, task in contenders.items()}
         for index in range(repeats):
             for name in names[index % len(names) :] + names[: index % len(names)]:

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from drake_shared.common.threads import single_threaded
 from drake_shared.experiments.benchmark.common import Setup
 from drake_shared.experiments.benchmark.plain_cnmp import PlainCnmp
 from drake_shared.experiments.benchmark.results import GroupResult, Ratio, Trace
 from drake_shared.experiments.benchmark.routes import NOISE, Array, RouteData, drive_routes, make_route_data
-from drake_shared.experiments.benchmark.timing import one_thread, spread
+from drake_shared.experiments.benchmark.timing import spread
 from drake_shared.learners import Learner
 
 OURS = "drake_shared"
@@ -72,7 +73,7 @@ def run(setup: Setup) -> GroupResult:
     reached: dict[str, list[float | None]] = defaultdict(list)
     traces: list[Trace] = []
     absent: dict[str, str] = {}
-    with one_thread():
+    with single_threaded():
         _import_libraries(data)
         for seed in range(plan.repeats):
             for name, make in contenders.items():

@@ -12,10 +12,10 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from threadpoolctl import threadpool_limits
 
 from drake_shared.common.arrays import path_at
 from drake_shared.common.errors import InputError
+from drake_shared.common.threads import single_threaded
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.augmentation import left_unknown, make_blend, wander_basis
 from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
@@ -75,7 +75,7 @@ def train_cesn(
         "evidence": chosen.evidence,
     }
     # A second thread would change the bits.
-    with threadpool_limits(1, user_api="blas"):
+    with single_threaded():
         fit = _Fit(dataset, seed)
         first = fit.learner(preset, metadata, confidence_gain=1.0)
         gain = calibrate(first, demonstrations, resolution=0.5 * fit.noise * dataset.spread)

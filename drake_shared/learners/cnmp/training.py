@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from threadpoolctl import threadpool_limits
 
 from drake_shared.common.errors import InputError
+from drake_shared.common.threads import single_threaded
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
 from drake_shared.learners.cnmp.learner import CnmpLearner
@@ -176,15 +176,12 @@ def one_thread() -> Iterator[None]:
     moments that fade towards nothing, and numbers so small cost a processor a hundred times as much: they are
     taken for zero.
     """
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
     torch.set_flush_denormal(True)
     try:
-        with threadpool_limits(1, user_api="blas"), kept_memory():
+        with single_threaded(), kept_memory():
             yield
     finally:
         torch.set_flush_denormal(False)
-        torch.set_num_threads(threads)
 
 
 def check_options(parameters: TrainingParameters, *, seconds: float | None, seed: int) -> None:

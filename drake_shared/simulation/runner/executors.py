@@ -39,9 +39,7 @@ class Pool:
 
 
 @contextlib.contextmanager
-def executor(
-    *, workers: int = 1, cluster: str | None = None, preload: Sequence[str] = ()
-) -> Iterator[Pool]:
+def executor(*, workers: int = 1, cluster: str | None = None, preload: Sequence[str] = ()) -> Iterator[Pool]:
     """Yields an executor for tasks. An exception in the body abandons the tasks that are running.
 
     Args:

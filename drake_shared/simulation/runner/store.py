@@ -49,8 +49,8 @@ class ResultStore(Protocol):
 class JsonStore:
     """The results of one run in a folder; made by `open`.
 
-    ``run.json`` describes the run and the code that computes it; ``results/KEY.json`` holds function, arguments
-    and value of the task with that key. Every file is written atomically.
+    ``run.json`` describes the run and the code that computes it; ``results/KEY.json`` holds function,
+    arguments and value of the task with that key. Every file is written atomically.
 
     Attributes:
         folder: Where they are.
@@ -160,9 +160,7 @@ class JsonStore:
         for name, what in (("description", "the same run"), ("package", "results of the same code")):
             if canonical(there.get(name)) != canonical(described[name]):
                 differs = first_difference(there.get(name), described[name])
-                raise InputError(
-                    self.folder, "", f"must hold {what} to be resumed: {differs}; {OVERWRITE}"
-                )
+                raise InputError(self.folder, "", f"must hold {what} to be resumed: {differs}; {OVERWRITE}")
 
     def _clear(self) -> None:
         # First the description: if the process is killed here, no result is taken for one of the next run.

@@ -119,7 +119,9 @@ def test_a_cluster_gives_the_bits_of_one_process(cluster, make_walks, tmp_path, 
 
 
 def test_libraries_run_on_one_thread_on_a_cluster(cluster, store):
-    assert run_tasks([Task("example_tasks:threads")], store, cluster=cluster.address) == [{"torch": 1, "blas": 1}]
+    assert run_tasks([Task("example_tasks:threads")], store, cluster=cluster.address) == [
+        {"torch": 1, "blas": 1}
+    ]
 
 
 def test_a_killed_worker_changes_no_result_and_a_killed_scheduler_keeps_completed_ones(
@@ -163,8 +165,10 @@ def test_a_failed_task_is_retried(cluster, store, tmp_path, make_walks, caplog):
 
 def test_failures_on_a_cluster_are_reported_as_in_this_process(cluster, store, tmp_path):
     calls = tmp_path / "calls"
-    with pytest.raises(RunError, match="example_tasks:fails.* 2 .*ZeroDivisionError"):
-        run_tasks([Task("example_tasks:fails", {"calls": str(calls)})], store, cluster=cluster.address, retries=1)
+    with pytest.raises(RunError, match=r"example_tasks:fails.* 2 .*ZeroDivisionError"):
+        run_tasks(
+            [Task("example_tasks:fails", {"calls": str(calls)})], store, cluster=cluster.address, retries=1
+        )
     calls.unlink()
     with pytest.raises(InputError, match=r"^scenario\.yaml: duration"):
         run_tasks([Task("example_tasks:refuses", {"calls": str(calls)})], store, cluster=cluster.address)
@@ -244,7 +248,7 @@ def test_an_unreachable_cluster_is_bad_input(store, make_walks, monkeypatch, kin
         if kind == "stranger":
             threading.Thread(target=hang_up, args=(server,), daemon=True).start()
         address = "somewhere://else" if kind == "nonsense" else f"tcp://127.0.0.1:{port}"
-        with pytest.raises(InputError, match="^--cluster") as caught:
+        with pytest.raises(InputError, match=r"^--cluster") as caught:
             run_tasks(make_walks(1), store, cluster=address)
     assert address in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -81,7 +81,9 @@ def test_a_failed_task_is_retried(store, tmp_path, make_walks, workers, caplog):
 def test_a_task_that_always_fails_ends_the_run(store, tmp_path, workers, retries):
     calls = tmp_path / "calls"
     with pytest.raises(RunError) as caught:
-        run_tasks([Task("example_tasks:fails", {"calls": str(calls)})], store, workers=workers, retries=retries)
+        run_tasks(
+            [Task("example_tasks:fails", {"calls": str(calls)})], store, workers=workers, retries=retries
+        )
     assert {"example_tasks:fails", str(retries + 1)} <= set(str(caught.value).split())
     assert "\n" not in str(caught.value)
     assert len(calls.read_text().splitlines()) == retries + 1
@@ -97,7 +99,7 @@ def test_bad_input_is_not_retried(store, tmp_path, workers):
 
 
 def test_a_value_that_is_not_json_serializable_fails(store):
-    with pytest.raises(RunError, match="not_json .*TypeError: set"):
+    with pytest.raises(RunError, match=r"not_json .*TypeError: set"):
         run_tasks([Task("example_tasks:not_json")], store, retries=0)
 
 
@@ -191,7 +193,7 @@ def members(session: int) -> list[int]:
 
 
 def test_numbers_out_of_range_are_bad_input(store):
-    with pytest.raises(InputError, match="workers .* 0$"):
+    with pytest.raises(InputError, match=r"workers .* 0$"):
         run_tasks([Task("example_tasks:threads")], store, workers=0)
-    with pytest.raises(InputError, match="retries .* -1$"):
+    with pytest.raises(InputError, match=r"retries .* -1$"):
         run_tasks([], store, retries=-1)

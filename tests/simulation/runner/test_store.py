@@ -41,9 +41,7 @@ def test_the_folder_describes_the_run_and_its_code(store):
 
 
 def test_a_folder_with_results_needs_resume_or_force(store):
-    with pytest.raises(
-        InputError, match="--resume .* --force"
-    ) as caught:
+    with pytest.raises(InputError, match=r"--resume .* --force") as caught:
         JsonStore.open(store.folder, {"trials": 4})
     assert "\n" not in str(caught.value)
 
@@ -65,9 +63,7 @@ def test_resume_starts_a_run_in_a_new_folder(tmp_path):
 def test_only_the_same_run_is_resumed(store):
     run_tasks([TASK], store)
     assert repr(JsonStore.open(store.folder, {"trials": 4}, resume=True).read(TASK)) == repr(TASK.run())
-    with pytest.raises(
-        InputError, match="trials is 4, not 5"
-    ):
+    with pytest.raises(InputError, match="trials is 4, not 5"):
         JsonStore.open(store.folder, {"trials": 5}, resume=True)
 
 
@@ -84,9 +80,7 @@ def test_a_difference_in_a_long_description_is_reported_in_short(tmp_path):
 def test_results_of_other_code_are_not_resumed(store, monkeypatch):
     other = {**store_module.identity(), "source": "0" * 24}
     monkeypatch.setattr(store_module, "identity", lambda: other)
-    with pytest.raises(
-        InputError, match="source is .*0000"
-    ):
+    with pytest.raises(InputError, match=r"source is .*0000"):
         JsonStore.open(store.folder, {"trials": 4}, resume=True)
 
 
@@ -137,15 +131,15 @@ def full_disk(*_args, **_options):
 @pytest.mark.parametrize(
     "where", ["drake_shared.common.files.tempfile.TemporaryFile", "pathlib.Path.write_text"]
 )
-def test_a_full_disk_ends_the_run_and_keeps_completed_results(store, make_walks, files_of, monkeypatch, where):
+def test_a_full_disk_ends_the_run_and_keeps_completed_results(
+    store, make_walks, files_of, monkeypatch, where
+):
     done, to_do = make_walks(2)
     run_tasks([done], store)
     before = files_of(store.folder)
     with monkeypatch.context() as patch:
         patch.setattr(where, full_disk)
-        with pytest.raises(
-            RunError, match="No space left on device"
-        ) as caught:
+        with pytest.raises(RunError, match="No space left on device") as caught:
             run_tasks([done, to_do], store)
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith(str(store.folder))

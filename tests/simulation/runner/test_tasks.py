@@ -14,7 +14,16 @@ from drake_shared.simulation.runner import Task
 def test_the_key_depends_only_on_function_and_arguments():
     task = Task("example_tasks:walk", {"seed": 1, "seconds": 0.5})
     assert task.key == Task("example_tasks:walk", {"seconds": 0.5, "seed": 1}).key
-    assert len({task.key, Task("example_tasks:walk", {"seed": 1}).key, Task("example_tasks:spin", task.arguments).key}) == 3
+    assert (
+        len(
+            {
+                task.key,
+                Task("example_tasks:walk", {"seed": 1}).key,
+                Task("example_tasks:spin", task.arguments).key,
+            }
+        )
+        == 3
+    )
     # From the definition: if keys change, no folder of results can be resumed.
     text = '["example_tasks:walk",{"seed":1}]'
     assert Task("example_tasks:walk", {"seed": 1}).key == hashlib.sha256(text.encode()).hexdigest()[:24]
