@@ -153,9 +153,7 @@ class _Trials:
             self._recording = recorded.commands("human")[:-1]
             self._recorded_route = recorded.metadata.get("route")
             operator = RecordedInput(period=scenario.control_period)
-        self._simulation = Simulation(
-            scenario, learner=learner, operator=operator, config=batch.config
-        )
+        self._simulation = Simulation(scenario, learner=learner, operator=operator, config=batch.config)
 
     def check(self) -> None:
         """Raises the InputError that the first trial would raise."""
