@@ -148,7 +148,7 @@ def _done(store: JsonStore, task: Task) -> bool:
 
 def _slowness(scenario: str | None) -> float:
     """How much slower this machine is now than the one by which costs are told."""
-    settings: dict[str, Any] = {"mode": "human", "route": scenario_of(scenario).routes[0].name}
+    settings: dict[str, Any] = {"route": scenario_of(scenario).routes[0].name}
     run(scenario, None, **settings)
     begun = time.perf_counter()
     run(scenario, None, **settings)
