@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.geometry import (
     Box as BoxShape,
-)
-from pydrake.geometry import (
     Cylinder,
     GeometryId,
     GeometryInstance,

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive, scaled_length
 from drake_shared.scenario.obstacles import Box, Circle, ObstacleDistance
-from drake_shared.scenario.paths import SPACING
-from drake_shared.scenario.paths import Path as RoutePath
+from drake_shared.scenario.paths import SPACING, Path as RoutePath
 
 # yaml_load_typed builds every object from its defaults. A field that must be given starts as NaN, which the
 # check for finite numbers refuses.

@@ -6,24 +6,34 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from drake_shared.simulation.config import SharedControlConfig as SharedControlConfig
-    from drake_shared.simulation.config import config_for as config_for
-    from drake_shared.simulation.config import config_of_log as config_of_log
-    from drake_shared.simulation.config import load_config as load_config
-    from drake_shared.simulation.diagram import AddSharedControl as AddSharedControl
-    from drake_shared.simulation.diagram import MakeSharedControlDiagram as MakeSharedControlDiagram
-    from drake_shared.simulation.diagram import SharedControl as SharedControl
+    from drake_shared.simulation.config import (
+        SharedControlConfig as SharedControlConfig,
+        config_for as config_for,
+        config_of_log as config_of_log,
+        load_config as load_config,
+    )
+    from drake_shared.simulation.diagram import (
+        AddSharedControl as AddSharedControl,
+        MakeSharedControlDiagram as MakeSharedControlDiagram,
+        SharedControl as SharedControl,
+    )
     from drake_shared.simulation.faults import Faults as Faults
-    from drake_shared.simulation.log import Trial as Trial
-    from drake_shared.simulation.log import log_columns as log_columns
-    from drake_shared.simulation.log import read_log as read_log
-    from drake_shared.simulation.log import write_log as write_log
-    from drake_shared.simulation.settings import TrialSettings as TrialSettings
-    from drake_shared.simulation.settings import settings_of_log as settings_of_log
+    from drake_shared.simulation.log import (
+        Trial as Trial,
+        log_columns as log_columns,
+        read_log as read_log,
+        write_log as write_log,
+    )
+    from drake_shared.simulation.settings import (
+        TrialSettings as TrialSettings,
+        settings_of_log as settings_of_log,
+    )
     from drake_shared.simulation.teaching import teach as teach
-    from drake_shared.simulation.trial import RunningTrial as RunningTrial
-    from drake_shared.simulation.trial import Simulation as Simulation
-    from drake_shared.simulation.trial import run_trial as run_trial
+    from drake_shared.simulation.trial import (
+        RunningTrial as RunningTrial,
+        Simulation as Simulation,
+        run_trial as run_trial,
+    )
 
 # A name is imported when it is first used (PEP 562): the command line reads configs without loading Drake.
 _MODULES = {

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from drake_shared.common.errors import InputError, RunError
-from drake_shared.simulation.runner import JsonStore, Task, run_tasks
-from drake_shared.simulation.runner import store as store_module
+from drake_shared.simulation.runner import JsonStore, Task, run_tasks, store as store_module
 
 TASK = Task("example_tasks:extremes")
 
