@@ -201,7 +201,7 @@ def judge_confidence(learner: Learner, trial: Trial, route: int, *, every: int =
         if row % every:
             continue
         first = min(int(grid.searchsorted(now + 1e-9, side="right")), len(grid) - 1)
-        mean, _ = learner.predict([now], [[x, y]], grid[first:])
+        mean, _ = learner.predict(np.array([now]), np.array([[x, y]]), grid[first:])
         right.append(np.sqrt(np.mean(way.query(mean)[0] ** 2)) < _SAME_WAY)
     return Confidence(confidence=trial["confidence"][:-1][::every], right=np.array(right))
 

@@ -58,13 +58,12 @@ class Evaluate(LearnerOptions):
             draw_reliability(result, self.figure)
             say(f"wrote {self.figure}")
         if self.recalibrate is not None:
-            from drake_shared.learners import calibrate, save_learner
+            from drake_shared.learners import ScalableLearner, calibrate, save_learner
 
-            scale = getattr(learner, "scaled", None)
-            if scale is None:
-                raise InputError(path, "learner", "must be of a kind that can be scaled", learner.name)
-            scaled = scale(result["scale"])
-            scaled.confidence_gain = calibrate(scaled, demonstrations)
+            if not isinstance(learner, ScalableLearner):
+                raise InputError(path, "learner", "must have a method 'scaled'", learner.name)
+            gain = calibrate(learner.scaled(result["scale"]), demonstrations)
+            scaled = learner.scaled(result["scale"], confidence_gain=gain)
             save_learner(scaled, self.recalibrate)
             say(f"wrote {self.recalibrate}: standard deviations times {result['scale']:.3f}")
         if self.json:

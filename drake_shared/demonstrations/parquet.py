@@ -172,7 +172,7 @@ def _column(path: Path, table: pa.Table, name: str) -> NDArray[Any]:
     if name not in table.column_names:
         have = ", ".join(table.column_names) or "none"
         raise InputError(path, name, "must be among the columns", have)
-    values = table[name].to_numpy()
+    values: NDArray[Any] = table[name].to_numpy()
     if values.dtype.kind not in "biuf":
         raise InputError(path, name, "must hold numbers", table.schema.field(name).type)
     return values

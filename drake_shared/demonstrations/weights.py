@@ -48,8 +48,9 @@ def sampling_weights(
         width = max(2.0 * float(values.std()), min_width)
     if not (np.isfinite(width) and width > 0.0):
         raise InputError("scores", "width", "must be positive and finite", width)
-    density = np.exp(-0.5 * np.square((values - values.max()) / width))
-    return density / density.sum()
+    density: NDArray[np.float64] = np.exp(-0.5 * np.square((values - values.max()) / width))
+    density /= density.sum()
+    return density
 
 
 def demonstration_weights(demonstrations: Demonstrations, *, weighted: bool = True) -> NDArray[np.float64]:
@@ -103,7 +104,7 @@ def load_scorer(name: str) -> Scorer:
     if not (module_name and function_name):
         raise InputError("score", "", 'must be "module:function"', repr(name))
     try:
-        scorer = getattr(importlib.import_module(module_name), function_name)
+        scorer: Scorer = getattr(importlib.import_module(module_name), function_name)
     except (ImportError, AttributeError) as error:
         raise InputError("score", name, f"must be a function that can be imported ({error})") from error
     if not callable(scorer):

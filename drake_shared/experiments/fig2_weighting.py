@@ -130,7 +130,7 @@ def _measure(
         point = ways[:, step].mean(axis=0) if route is None else ways[route, step]
         means = {}
         for name, learner in pair.items():
-            means[name], variance = learner.predict([grid[step]], [point], grid)
+            means[name], variance = learner.predict(grid[[step]], np.array([point]), grid)
             expected[f"{condition.name}/{name}"] = {
                 "point": np.round(point, 4),
                 "mean": np.round(means[name][under_way], 4),

@@ -1,6 +1,15 @@
-"""Learners of intentions: what they offer, how they are trained, and their files. Knows no Drake.
+"""Learners of human intention: prediction, training and files. Knows no Drake.
 
-Training needs torch, which is imported by the first call of `train` and by nothing else.
+A learner is a distribution over trajectories, conditioned on where the robot was observed. This module has
+what programs need; the rest of the room is
+
+- `base`, `modes`, `check`: the interface `Learner`, its optional parts, and tests of it
+- `registry`, `storage`, `fields`, `stored`: learners by name, their files, and base classes that write them
+- `cnmp`, `ensemble`, `mixture`, `cesn`, `promp`, `no_learner`: the learners, each with its trainer beside it
+- `dataset`, `augmentation`, `route_clustering`: preparation of demonstrations for training
+- `calibration`, `ood_variance`: the gain K, and variance far from all demonstrations
+
+Training a network needs torch, which `train` imports and nothing else does.
 """
 
 from __future__ import annotations
@@ -11,17 +20,34 @@ from typing import Any
 
 from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import Demonstrations
-from drake_shared.learners.base import Learner, confidence, mean_variance
+from drake_shared.learners.base import (
+    Learner,
+    MultimodalLearner,
+    PrefixLearner,
+    ScalableLearner,
+    confidence,
+    mean_variance,
+)
 from drake_shared.learners.calibration import calibrate
+from drake_shared.learners.check import check_learner, check_prediction
 from drake_shared.learners.cnmp.parameters import PRESETS, TrainingParameters
+from drake_shared.learners.modes import Modes
+from drake_shared.learners.no_learner import NoLearner
 from drake_shared.learners.registry import find_learner, find_trainer, learner_names
 from drake_shared.learners.storage import load_learner, save_learner
 
 __all__ = [
     "PRESETS",
     "Learner",
+    "Modes",
+    "MultimodalLearner",
+    "NoLearner",
+    "PrefixLearner",
+    "ScalableLearner",
     "TrainingParameters",
     "calibrate",
+    "check_learner",
+    "check_prediction",
     "confidence",
     "find_learner",
     "find_trainer",
@@ -53,11 +79,12 @@ def train(
             `drake_shared.learners.registry`.
         members: More than one trains an ensemble of a "cnmp".
         options: preset, weighted, seed, seconds, iterations, progress, which
-            `drake_shared.learners.cnmp.training.train` describes, and what else the trainer takes. Those
-            which a trainer does not take are omitted, those which it requires have defaults.
+            `drake_shared.learners.cnmp.training.train` describes, and other options of the trainer. Of the
+            former a trainer gets those that it accepts, with their defaults.
 
     Raises:
-        InputError: There is no such learner, or an option or a score is invalid.
+        InputError: There is no such learner, an option or a score is invalid, or the result fails
+            `check_learner`.
         RunError: Training diverged.
     """
     # Importing torch takes seconds, which count.
@@ -69,11 +96,14 @@ def train(
     elif members != 1:
         raise InputError("train", "members", f"must be 1 for {learner!r}: ensembles are of 'cnmp'", members)
     trainer = find_trainer(learner)
-    takes = inspect.signature(trainer).parameters
-    if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes.values()):
-        unknown = set(options) - set(takes) - set(defaults)
+    accepted = inspect.signature(trainer).parameters
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in accepted.values()):
+        trained = trainer(demonstrations, **{**defaults, **options})
+    else:
+        unknown = set(options) - set(accepted) - set(defaults)
         if unknown:
             raise InputError("train", min(unknown), f"is not an option of the learner {learner!r}")
-        options = {name: value for name, value in options.items() if name in takes}
-    options |= {name: value for name, value in defaults.items() if name in takes and name not in options}
-    return trainer(demonstrations, **options)
+        given = {name: value for name, value in {**defaults, **options}.items() if name in accepted}
+        trained = trainer(demonstrations, **given)
+    check_learner(trained)
+    return trained

@@ -1,4 +1,4 @@
-"""What every learner of intentions offers, and the confidence that follows from its variance."""
+"""The interface of learners, and the confidence that follows from their variance."""
 
 from __future__ import annotations
 
@@ -8,21 +8,37 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drake_shared.learners.modes import Modes
+
 Array = NDArray[np.float64]
+Prediction = tuple[Array, Array]
+"""Mean, shape (Q, D), in [m], and variance, shape (Q, D), in [m^2]."""
 
 
 @runtime_checkable
 class Learner(Protocol):
-    """A distribution over trajectories, conditioned on points that were passed.
+    """A distribution over trajectories of a position of size D, conditioned on observed positions.
+
+    D is that of the demonstrations. `drake_shared.learners.check_learner` tests whether an object is one.
 
     Attributes:
-        name: Which learner it is, such as "cnmp".
-        preset: Which of its presets it was trained by.
-        confidence_gain: K of eq. (1), in [1/m^2], positive.
-        grid: Shape (N,), the usual query times from 0 to ``duration``, in [s]; read-only.
+        name: Name under which the learner is registered, such as "cnmp".
+        preset: Name of the preset it was trained by.
+        confidence_gain: K of eq. (1), in [1/m^2], positive and finite.
+        grid: Shape (N,), the usual query times from 0 to ``duration``, in [s], increasing; read-only.
         duration: T, in [s].
-        demonstrations: Shape (m, N, 2), what it was taught, on the grid, in [m]; read-only. None if unknown.
-        metadata: What its file says of it.
+        demonstrations: Shape (m, N, D), its training data on the grid, in [m]; read-only. None if unknown.
+        metadata: JSON-serializable. These keys have a meaning to others:
+
+            - "clock": What the time of an observation is. "time", the default, is that since the start of the
+              trial; "progress" is that of the nearest demonstrated point, which waits for a slow driver.
+            - "evidence": What counts as an observation. "pose", the default, or "pose+command", where the
+              point to which the human's command leads is a second one.
+            - "scenario": Name of the scenario of the demonstrations.
+            - "training": Record of the training; `drake_shared.learners.dataset.data_record` makes its part
+              about the data, from which lineage is drawn.
+            - "id", "file": Hash of the content and path of the file. `load_learner` sets them, whatever a
+              file states.
     """
 
     @property
@@ -40,24 +56,53 @@ class Learner(Protocol):
     @property
     def metadata(self) -> Mapping[str, Any]: ...  # noqa: D102
 
-    def predict(self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike) -> tuple[Array, Array]:
-        """Predicts where the trajectory through the observations is at the query times.
+    def predict(self, times: Array, positions: Array, query_times: Array) -> Prediction:
+        """Predicts the trajectory through the observations at the query times.
 
         Args:
-            times: Shape (n,), n >= 0, when each observation was made, in [s].
-            positions: Shape (n, 2), what was observed, in [m].
+            times: Shape (n,), n >= 0, of the observations, in [s].
+            positions: Shape (n, D), observed, in [m].
             query_times: Shape (Q,), in [s]. Times outside [0, T], here and in ``times``, count as the
-                nearest end of it: before the start the robot waits there, after the end it stays.
+                nearest end of it.
 
         Returns:
-            Mean, shape (Q, 2), in [m], and variance, shape (Q, 2), in [m^2]; fresh arrays. NaN observed
-            gives NaN.
+            Mean, shape (Q, D), in [m], and variance, shape (Q, D), in [m^2], positive. New float64 arrays,
+            which later calls leave as they are. NaN where an observation is NaN.
         """
         ...
 
 
-def check_query(times: ArrayLike, positions: ArrayLike, query_times: ArrayLike) -> tuple[Array, Array, Array]:
-    """The arguments of `Learner.predict` as arrays.
+@runtime_checkable
+class MultimodalLearner(Learner, Protocol):
+    """A learner that also predicts the modes of a mixture."""
+
+    def predict_modes(self, times: Array, positions: Array, query_times: Array) -> tuple[Array, Array, Modes]:
+        """Mean and total variance as `predict` returns them, and the modes that they summarize."""
+        ...
+
+
+@runtime_checkable
+class PrefixLearner(Learner, Protocol):
+    """A learner that predicts from several sets of observations in one call, which is faster."""
+
+    def predict_prefixes(self, times: Array, positions: Array, query_times: Array) -> list[Prediction]:
+        """What `predict` returns for the first observation, the first two, and so on to all n."""
+        ...
+
+
+@runtime_checkable
+class ScalableLearner(Learner, Protocol):
+    """A learner whose variance can be corrected after training."""
+
+    def scaled(self, factor: float, *, confidence_gain: float | None = None) -> Learner:
+        """A copy with all standard deviations times ``factor``, and K of its own if given."""
+        ...
+
+
+def check_query(
+    times: ArrayLike, positions: ArrayLike, query_times: ArrayLike, size: int
+) -> tuple[Array, Array, Array]:
+    """Converts the arguments of `Learner.predict` to arrays, for positions of ``size`` D.
 
     Raises:
         ValueError: They have other shapes.
@@ -65,25 +110,25 @@ def check_query(times: ArrayLike, positions: ArrayLike, query_times: ArrayLike) 
     seen_times = np.asarray(times, dtype=float)
     seen = np.asarray(positions, dtype=float)
     queries = np.asarray(query_times, dtype=float)
-    if seen_times.ndim != 1 or seen.shape != (len(seen_times), 2) or queries.ndim != 1:
+    if seen_times.ndim != 1 or seen.shape != (len(seen_times), size) or queries.ndim != 1:
         shapes = f"{seen_times.shape}, {seen.shape} and {queries.shape}"
-        raise ValueError(f"predict needs shapes (n,), (n, 2) and (Q,), got {shapes}")
+        raise ValueError(f"predict needs shapes (n,), (n, {size}) and (Q,), got {shapes}")
     return seen_times, seen, queries
 
 
 def mean_variance(query_times: ArrayLike, variance: ArrayLike, t: float) -> float:
-    """The mean variance of eq. (1) of Amirshirzad et al. 2022: over the queries after t, and over x and y.
+    """The mean variance of eq. (1) of Amirshirzad et al. 2022: over the queries after t and all coordinates.
 
     Args:
         query_times: Shape (Q,), increasing, in [s], Q >= 1.
-        variance: Shape (Q, 2), in [m^2].
-        t: Now, in [s]. At the last query or after it there is nothing ahead, and that query alone counts.
+        variance: Shape (Q, D), in [m^2].
+        t: Now, in [s]. At the last query or later the variance of that query alone counts.
 
     Returns:
         In [m^2].
     """
     times = np.asarray(query_times)
-    # Times counted in steps miss each other by rounding; a query "at" t is not after it.
+    # Times that are multiples of a step differ by rounding; a query "at" t is not after it.
     first = int(np.searchsorted(times, t + 1e-9, side="right"))
     return float(np.asarray(variance)[min(first, len(times) - 1) :].mean())
 

@@ -1,4 +1,4 @@
-"""Demonstrations made ready for learning: on one grid of times, with what normalises them."""
+"""Demonstrations on one grid of times, with their normalization."""
 
 from __future__ import annotations
 
@@ -15,11 +15,21 @@ from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import Demonstration, Demonstrations, demonstration_weights
 
 SPACING = 0.1
-"""Of the grid, in [s]; with half of it the human's weight changes by less than 0.005."""
-FEWEST_STEPS, MOST_STEPS = 20, 2_000
-"""Bounds on the grid, for tasks of less than 2 s or more than 200 s: the spacing follows from them."""
+"""Of the grid, in [s]; half of it changes the human's weight by less than 0.005."""
+MIN_STEPS, MAX_STEPS = 20, 2_000
+"""Bounds on the grid, for tasks of less than 2 s or more than 200 s, which determine the spacing there."""
 
-_OF_A_SOURCE = ("kind", "file", "sha256", "operator", "route", "seed", "mode", "human_weight", "learner_id")
+_SOURCE_FIELDS = (
+    "kind",
+    "file",
+    "sha256",
+    "operator",
+    "route",
+    "seed",
+    "mode",
+    "human_weight",
+    "learner_id",
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,12 +38,12 @@ class Dataset:
 
     Attributes:
         grid: Shape (N,), from 0 to T, in [s].
-        positions: Shape (m, N, 2), in [m].
+        positions: Shape (m, N, D), in [m].
         weights: Shape (m,), Pd of Alg. 1, summing to 1.
-        mean_path: Shape (N, 2), the even mean of the demonstrations, in [m].
-        spread: Root of the mean variance about it, over time and over x and y, in [m]; positive.
-        extent: Larger side of the box round all positions, in [m].
-        digest: Names the data: SHA-256 of times, positions and scores.
+        mean_path: Shape (N, D), the even mean of the demonstrations, in [m].
+        spread: Root of the mean variance about it, over time and coordinates, in [m]; positive.
+        extent: Longest side of the box around all positions, in [m].
+        digest: SHA-256 of times, positions and scores, which identifies the data.
     """
 
     grid: NDArray[np.float64]
@@ -55,11 +65,11 @@ def make_dataset(
 
     Args:
         demonstrations: At least one.
-        weighted: Whether scores, where all have one, decide the weights; else they are even.
+        weighted: Whether scores, where all have one, determine the weights; else they are even.
         duration: T, in [s]; default: that of the longest demonstration.
 
     Raises:
-        InputError: A score is not finite, or ``duration`` is not positive.
+        InputError: A score is not finite, or ``duration`` is not positive and finite.
     """
     longest = max(float(item.times[-1] - item.times[0]) for item in demonstrations)
     length = longest if duration is None else float(duration)
@@ -70,8 +80,8 @@ def make_dataset(
     mean_path = positions.mean(axis=0)
     extent = float(np.ptp(positions, axis=(0, 1)).max())
     spread = float(np.sqrt(np.square(positions - mean_path).mean()))
-    # One demonstration, or equal ones, have no spread: then a fiftieth of the way's extent is near enough to
-    # call two positions the same. Standing still has no extent either, and any length will do.
+    # One demonstration, or equal ones, have no spread: a fiftieth of the extent then serves as the scale.
+    # A robot that stands still has no extent either, and any length serves.
     spread = max(spread, 0.02 * extent) or 1e-3
     return Dataset(
         grid=grid,
@@ -85,11 +95,11 @@ def make_dataset(
 
 
 def data_record(demonstrations: Demonstrations, dataset: Dataset) -> dict[str, Any]:
-    """What the training record of every learner says of its data, so that they can be traced.
+    """The part of a training record that identifies the data, for lineage.
 
     Returns:
-        ``data_sha256``; ``demonstrations``, how many; ``sources``, of each what is known of where it comes
-        from: file, sha256, kind, operator, route, seed, mode, human_weight, learner_id.
+        ``data_sha256``; ``demonstrations``, their number; ``sources``, of each what is known of file, sha256,
+        kind, operator, route, seed, mode, human_weight and learner_id.
     """
     return {
         "data_sha256": dataset.digest,
@@ -99,19 +109,19 @@ def data_record(demonstrations: Demonstrations, dataset: Dataset) -> dict[str, A
 
 
 def make_grid(duration: float) -> NDArray[np.float64]:
-    """Times from 0 to ``duration`` at about 0.1 s, shape (N,)."""
-    steps = int(np.clip(round(duration / SPACING), FEWEST_STEPS, MOST_STEPS))
+    """Times from 0 to ``duration`` in steps of about 0.1 s, shape (N,)."""
+    steps = int(np.clip(round(duration / SPACING), MIN_STEPS, MAX_STEPS))
     return np.linspace(0.0, duration, steps + 1)
 
 
 def resample(demonstration: Demonstration, grid: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Its positions at ``grid`` (N,) after its first point, shape (N, 2)."""
+    """Positions of a demonstration at ``grid`` (N,) after its first point, shape (N, D)."""
     times = demonstration.times - demonstration.times[0]
     return path_at(demonstration.positions, times, grid)
 
 
-def normalisation(dataset: Dataset, *, centred: bool) -> tuple[float, NDArray[np.float64]]:
-    """What positions are counted in, in [m], and from, shape (N, 2): the same for x and y."""
+def normalization(dataset: Dataset, *, centred: bool) -> tuple[float, NDArray[np.float64]]:
+    """Unit of normalized positions, in [m], and the path that they are counted from, shape (N, D)."""
     if centred:
         return dataset.spread, dataset.mean_path
     middle = 0.5 * (dataset.positions.min(axis=(0, 1)) + dataset.positions.max(axis=(0, 1)))
@@ -119,7 +129,7 @@ def normalisation(dataset: Dataset, *, centred: bool) -> tuple[float, NDArray[np
 
 
 def _source(provenance: Mapping[str, Any]) -> dict[str, Any]:
-    known = {name: provenance[name] for name in _OF_A_SOURCE if provenance.get(name) is not None}
+    known = {name: provenance[name] for name in _SOURCE_FIELDS if provenance.get(name) is not None}
     return {
         name: value.item() if isinstance(value, np.generic) else value
         for name, value in known.items()

@@ -1,4 +1,4 @@
-"""Memory that a training frees is kept for its next iteration."""
+"""Keeps freed memory in the process while networks train."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import contextlib
 import ctypes
 from collections.abc import Iterator
 
-# Of glibc's <malloc.h>: parameters of mallopt, what it begins with, and the most it takes for the second.
+# Of glibc's <malloc.h>: parameters of mallopt, their default, and the largest value of the second.
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 _DEFAULT = 128 * 1024
 _LARGEST_BLOCK, _KEPT = 32 * 2**20, 2**30
@@ -14,11 +14,11 @@ _LARGEST_BLOCK, _KEPT = 32 * 2**20, 2**30
 
 @contextlib.contextmanager
 def kept_memory() -> Iterator[None]:
-    """Freed blocks of up to 32 MB stay with the process, 1 GB of them at most, and are given back at the end.
+    """Keeps freed blocks of up to 32 MB, 1 GB of them at most, and returns them to the system at the end.
 
-    The gradients of many networks are megabytes that are freed in each iteration. glibc gives such blocks
-    back to the system, which clears every page of them anew: a quarter of the time of a training. Where the C
-    library is another, nothing is done.
+    The gradients of many networks are megabytes that are freed in each iteration. By default glibc returns
+    such blocks to the system, which clears every page anew: a quarter of the time of a training. With another
+    C library nothing is done.
     """
     libc = ctypes.CDLL(None)
     if not (hasattr(libc, "mallopt") and hasattr(libc, "malloc_trim")):

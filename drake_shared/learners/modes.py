@@ -1,4 +1,4 @@
-"""The ways that are still possible, kept apart."""
+"""The modes of a predicted mixture."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Modes:
-    """The ways that are still possible.
+    """The modes of a predicted mixture: one for each route that is still possible.
 
     Attributes:
         probability: Shape (C,), summing to 1; scores play no part in it.
-        mean: Shape (C, Q, 2), in [m]; NaN for ways that are out of the question.
-        variance: Shape (C, Q, 2), in [m^2].
-        aim: Index of the way to help with: the likeliest, and among equals the better one.
+        mean: Shape (C, Q, D), in [m]; NaN for modes of negligible probability.
+        variance: Shape (C, Q, D), in [m^2].
+        aim: Index of the mode to assist: the most probable one, weighted by the scores.
     """
 
     probability: NDArray[np.float64]
@@ -25,6 +25,6 @@ class Modes:
     aim: int
 
     def by_probability(self) -> list[tuple[float, NDArray[np.float64]]]:
-        """Probability and mean (Q, 2), in [m], of each way, the likeliest first."""
+        """Probability and mean (Q, D), in [m], of each mode, the most probable first."""
         order = np.argsort(-self.probability)
         return [(float(self.probability[index]), self.mean[index]) for index in order]

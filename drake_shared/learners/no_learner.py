@@ -1,4 +1,4 @@
-"""The learner of someone who drives alone: it expects nothing and is never sure."""
+"""The learner of a human who drives alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 class NoLearner:
-    """Predicts NaN with infinite variance, so that c_f is 0 and the human drives.
+    """Predicts NaN with infinite variance, so that c_f is 0 and the human drives. A `Learner`.
 
     Args:
         duration: T, in [s].

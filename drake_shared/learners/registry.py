@@ -18,7 +18,7 @@ from __future__ import annotations
 import importlib
 import os
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from drake_shared.common.entry_points import load_registered, registered_names
 from drake_shared.common.errors import InputError
@@ -68,12 +68,12 @@ def find_trainer(name: str, *, source: str | os.PathLike[str] = "train") -> Trai
         InputError: The name is unknown, what was registered cannot be imported, or it has no trainer.
     """
     if name in _BUILT_IN:
-        return _built_in(_BUILT_IN[name][1])
+        return cast(Trainer, _built_in(_BUILT_IN[name][1]))
     found = load_registered(TRAINERS, name, source=source, field="learner")
     trainer = getattr(find_learner(name, source=source), "train", None) if found is None else found
     if not callable(trainer):
         raise InputError(source, "learner", f"must have a trainer: {name!r} has no class method 'train'")
-    return trainer
+    return cast(Trainer, trainer)
 
 
 def _built_in(place: str) -> Any:

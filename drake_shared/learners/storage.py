@@ -1,9 +1,10 @@
-"""Files of learners: safetensors, with all that is not a tensor as one JSON object in its metadata."""
+"""Files of learners: safetensors, with a JSON object in their metadata."""
 
 from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,32 +13,39 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from drake_shared.common.errors import InputError
-from drake_shared.common.files import replacing, sha256_of
+from drake_shared.common.files import models_directory, replacing, sha256_of
 from drake_shared.learners.base import Learner
+from drake_shared.learners.check import check_learner
 from drake_shared.learners.registry import find_learner
 
 FORMAT = "drake_shared.learner"
 VERSION = 1
 METADATA_KEY = "drake_shared"
-# Where a learner was read from is no part of it.
+# `load_learner` sets these.
 _OF_THE_FILE = ("id", "file")
 
 
 def save_learner(learner: Learner, path: str | os.PathLike[str]) -> None:
-    """Writes a learner so that `load_learner` gives it back, the same bits; the file appears whole or not.
+    """Writes a learner so that `load_learner` returns it, bit for bit; the write is atomic.
 
     Raises:
-        InputError: The folder cannot be written to, or the learner is of a kind that has no file.
+        InputError: The folder is not writable, or the learner has no method ``to_file``; see
+            `drake_shared.learners.registry`.
     """
     to_file = getattr(learner, "to_file", None)
     if to_file is None:
-        raise InputError(path, "learner", "must be of a kind that has a file", type(learner).__name__)
+        raise InputError(path, "learner", "must have a method to_file", type(learner).__name__)
     tensors, description = to_file()
     description = {name: value for name, value in description.items() if name not in _OF_THE_FILE}
-    description |= {"format": FORMAT, "version": VERSION, "learner": learner.name}
-    description["confidence_gain"] = float(learner.confidence_gain)
+    description |= {
+        "duration": float(learner.duration),
+        "format": FORMAT,
+        "version": VERSION,
+        "learner": learner.name,
+        "confidence_gain": float(learner.confidence_gain),
+    }
     with replacing(path) as temporary:
-        # Not by save_file, which would say of a full disk what nobody else does.
+        # save_file would report a full disk in its own way.
         temporary.write_bytes(
             save(
                 {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()},
@@ -47,29 +55,59 @@ def save_learner(learner: Learner, path: str | os.PathLike[str]) -> None:
 
 
 def load_learner(path: str | os.PathLike[str]) -> Learner:
-    """Reads a learner. Its metadata then also say which file it is: "file", and "id" by its content.
+    """Reads a learner, and sets "id" (a hash of its content) and "file" in its metadata.
+
+    Args:
+        path: A file, or the name of a shipped learner, such as "two_obstacles_paper". The name of a scenario
+            stands for its learner of the preset "default".
 
     Raises:
-        InputError: The file is missing, broken or cut short, of another format, of a version newer than known
-            here, holds a learner that is not known, or weights that do not fit its architecture or are not
-            finite.
+        InputError: There is no such file or name; the file is broken, of another format or of a newer
+            version; it holds an unknown kind of learner; its content is inconsistent; or the learner fails
+            `check_learner`.
     """
+    path = find_file(path)
     description, tensors = _read(path)
     kind = find_learner(str(description.get("learner")), source=path)
-    description |= {"id": learner_id(path), "file": os.fspath(path)}
-    return kind.from_file(path, tensors, description)
+    origin = {"id": learner_id(path), "file": os.fspath(path)}
+    learner: Learner = kind.from_file(path, tensors, description | origin)
+    if any(learner.metadata.get(name) != value for name, value in origin.items()):
+        # A learner of another package need not forward the description.
+        try:
+            learner.metadata = {**learner.metadata, **origin}  # type: ignore[misc]
+        except AttributeError as error:
+            expected = "must be an attribute that can be set, or contain id and file of the description"
+            raise InputError(path, "metadata", expected) from error
+    check_learner(learner, source=os.fspath(path))
+    return learner
+
+
+def find_file(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
+    """The file of a learner that is given by its path or, if shipped, by its name; see `load_learner`.
+
+    Raises:
+        InputError: There is no such file or name.
+    """
+    if os.path.isfile(path):
+        return path
+    shipped = {file.stem: file for file in sorted((models_directory() / "learners").glob("*.safetensors"))}
+    name = os.fspath(path)
+    if name in shipped or f"{name}_default" in shipped:
+        return shipped.get(name) or shipped[f"{name}_default"]
+    names = f", or the name of a shipped learner: {', '.join(shipped)}" if Path(name).name == name else ""
+    raise InputError(path, "", f"must be a file that exists{names}")
 
 
 def learner_id(path: str | os.PathLike[str]) -> str:
-    """What logs call the learner of a file by: the first 16 hexadecimal digits of the content's SHA-256."""
+    """The identifier of a learner in logs: the first 16 hexadecimal digits of its file's SHA-256."""
     return sha256_of(path)[:16]
 
 
 def read_description(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """All that a learner's file holds besides tensors; its learner need not be known here.
+    """The JSON object of a learner's file; the kind of learner may be unknown.
 
     Raises:
-        InputError: The file is missing, broken, of another format or of a version newer than known here.
+        InputError: The file is missing, broken, of another format or of a newer version.
     """
     return _read(path)[0]
 
@@ -91,5 +129,5 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, NDArr
         raise InputError(path, "format", f"must be {FORMAT}: this is no learner of drake_shared")
     version = description.get("version")
     if not isinstance(version, int) or not 1 <= version <= VERSION:
-        raise InputError(path, "version", f"must be at most {VERSION}, the newest known here", version)
+        raise InputError(path, "version", f"must be at most {VERSION}, the newest supported", version)
     return description, tensors

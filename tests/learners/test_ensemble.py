@@ -58,10 +58,10 @@ def test_scaled_scales_what_each_member_is_unsure_of(ensemble):
     assert (scaled_variance > variance).all()
 
 
-def test_learners_of_different_lessons_are_trained_side_by_side(make_bows):
-    lessons = [make_bows([1.0, -1.0]), make_bows([0.5]), make_bows([1.0, 0.2, -1.0])]
-    together = train_together(lessons, [3, 4, 5], iterations=QUICK)
-    for demonstrations, seed, learner in zip(lessons, (3, 4, 5), together, strict=True):
+def test_learners_of_different_tasks_are_trained_side_by_side(make_bows):
+    tasks = [make_bows([1.0, -1.0]), make_bows([0.5]), make_bows([1.0, 0.2, -1.0])]
+    together = train_together(tasks, [3, 4, 5], iterations=QUICK)
+    for demonstrations, seed, learner in zip(tasks, (3, 4, 5), together, strict=True):
         alone = train(demonstrations, iterations=QUICK, seed=seed)
         assert learner.metadata["training"]["data_sha256"] == alone.metadata["training"]["data_sha256"]
         assert learner.confidence_gain == pytest.approx(alone.confidence_gain, rel=0.02)
@@ -75,10 +75,10 @@ def test_learners_of_the_paper_stop_each_at_its_own_loss(make_bows):
     parameters = dataclasses.replace(
         PRESETS["paper"], batch=20, queries=20, loss_threshold=0.0, iterations=400
     )
-    lessons = [make_bows([1.0]), make_bows([1.0, -1.0])]
-    together = train_together(lessons, [0, 0], parameters=parameters)
+    tasks = [make_bows([1.0]), make_bows([1.0, -1.0])]
+    together = train_together(tasks, [0, 0], parameters=parameters)
     counts = [learner.metadata["training"]["iterations"] for learner in together]
-    alone = [train(one, seed=0, parameters=parameters).metadata["training"]["iterations"] for one in lessons]
+    alone = [train(one, seed=0, parameters=parameters).metadata["training"]["iterations"] for one in tasks]
     assert counts == pytest.approx(alone, abs=5)
     assert abs(counts[0] - counts[1]) > 20
     assert max(counts) < 400

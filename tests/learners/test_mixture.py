@@ -1,4 +1,4 @@
-"""A mixture keeps the ways apart that a single Gaussian would average."""
+"""A mixture keeps routes apart that a single Gaussian would average."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import load_learner, save_learner, train
-from drake_shared.learners.route_clustering import find_ways
+from drake_shared.learners.route_clustering import group_by_route
 
 T = np.linspace(0.0, 10.0, 101)
 
@@ -23,15 +23,15 @@ def fork():
     return train(demonstrations, learner="mixture", iterations=300)
 
 
-def test_ways_are_told_apart_and_drives_of_one_way_are_not():
+def test_demonstrations_are_grouped_by_route():
     sides = [1.0, -1.0, 1.05, 0.95, -0.9]
     positions = np.stack([way(side).positions for side in sides])
-    groups = find_ways(positions, spread=0.6, extent=5.0)
+    groups = group_by_route(positions, spread=0.6, extent=5.0)
     assert [group.tolist() for group in groups] == [[0, 2, 3], [1, 4]]
-    assert [group.tolist() for group in find_ways(positions[:1], spread=0.1, extent=5.0)] == [[0]]
+    assert [group.tolist() for group in group_by_route(positions[:1], spread=0.1, extent=5.0)] == [[0]]
 
 
-def test_at_the_fork_both_ways_are_modes_within_5_cm(fork):
+def test_at_the_fork_both_routes_are_modes_within_5_cm(fork):
     later = fork.grid[1:]
     mean, variance, modes = fork.predict_modes([0.0], [[0.0, 0.0]], later)
     np.testing.assert_allclose(modes.probability, [0.5, 0.5], atol=0.01)
@@ -44,7 +44,7 @@ def test_at_the_fork_both_ways_are_modes_within_5_cm(fork):
     assert abs(mean[middle, 1]) < 0.6
 
 
-def test_scores_choose_the_aim_but_hide_no_way(fork):
+def test_scores_choose_the_aim_but_exclude_no_route(fork):
     modes = fork.predict_modes([0.0], [[0.0, 0.0]], fork.grid[1:])[2]
     assert modes.aim == 0
     assert modes.probability.min() > 0.4
@@ -53,15 +53,15 @@ def test_scores_choose_the_aim_but_hide_no_way(fork):
     assert lower.probability[1] > 0.99
 
 
-def test_total_variance_is_that_within_and_between(fork):
+def test_total_variance_is_that_within_and_between_modes(fork):
     mean, variance, modes = fork.predict_modes([2.0], [[1.0, 0.05]], fork.grid[30:])
-    leaning = modes.probability * fork._leanings
+    leaning = modes.probability * fork.leanings
     np.testing.assert_allclose(mean, np.tensordot(leaning / leaning.sum(), modes.mean, 1), atol=1e-9)
     total = np.tensordot(modes.probability, modes.variance + (modes.mean - mean) ** 2, 1)
     np.testing.assert_allclose(variance, total, rtol=1e-9)
 
 
-def test_a_position_that_is_no_number_leaves_no_prediction(fork):
+def test_a_nan_position_gives_a_nan_prediction(fork):
     mean, variance = fork.predict([0.0], [[np.nan, 0.0]], fork.grid[1:])
     assert np.isnan(mean).all()
     assert np.isnan(variance).all()
@@ -79,7 +79,7 @@ def test_file_round_trip(fork, tmp_path):
         np.testing.assert_array_equal(old, new)
 
 
-def test_scaled_widens_within_ways(fork):
+def test_scaled_widens_within_modes(fork):
     wide = fork.scaled(2.0)
     at = ([5.0], [[2.5, 1.0]], fork.grid[60:])
     np.testing.assert_allclose(wide.predict(*at)[1], 4.0 * fork.predict(*at)[1], rtol=1e-4)
@@ -87,5 +87,5 @@ def test_scaled_widens_within_ways(fork):
 
 def test_a_file_without_experts_is_refused(fork, tmp_path):
     tensors, description = fork.to_file()
-    with pytest.raises(InputError, match="experts must describe at least one expert"):
+    with pytest.raises(InputError, match="experts"):
         type(fork).from_file("file", tensors, {**description, "experts": []})

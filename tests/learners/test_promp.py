@@ -36,12 +36,12 @@ def test_round_trip_gives_the_same_bits(fan, tmp_path):
     assert again.confidence_gain == fan.confidence_gain
 
 
-def test_what_is_no_number_predicts_none(fan):
+def test_a_nan_position_gives_a_nan_prediction(fan):
     mean, _ = fan.predict([5.0], [[np.nan, 0.0]], fan.grid[60:])
     assert np.isnan(mean).all()
 
 
-def test_missing_package_is_said_with_the_extra_that_brings_it(monkeypatch):
+def test_a_missing_package_is_named_with_its_extra(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "movement_primitives.promp", None)
-    with pytest.raises(InputError, match=r"pip install 'drake_shared\[baselines\]'"):
-        promp._promp()
+    with pytest.raises(InputError, match=r"drake_shared\[baselines\]"):
+        promp.make_promp(2)

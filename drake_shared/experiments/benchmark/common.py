@@ -84,15 +84,12 @@ def train_cnmp(demonstrations: Demonstrations, *, iterations: int) -> CnmpLearne
 
 def with_grid(learner: CnmpLearner, count: int) -> CnmpLearner:
     """The same learner on a grid of ``count`` evenly spaced times from 0 to T."""
-    model = learner.model
     grid = np.linspace(0.0, learner.duration, count)
-    return CnmpLearner(
-        dataclasses.replace(
-            model,
-            grid=grid,
-            reference=path_at(model.reference, model.grid, grid),
-            demonstrations=np.stack([path_at(path, model.grid, grid) for path in model.demonstrations]),
-        )
+    return dataclasses.replace(
+        learner,
+        grid=grid,
+        reference=path_at(learner.reference, learner.grid, grid),
+        demonstrations=np.stack([path_at(path, learner.grid, grid) for path in learner.demonstrations]),
     )
 
 

@@ -14,8 +14,9 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch.nn import functional
 
-from drake_shared.learners.cnmp.model import CnmpModel, Layer
-from drake_shared.learners.cnmp.time_features import time_features
+from drake_shared.learners.cnmp.layers import time_features
+from drake_shared.learners.cnmp.learner import CnmpLearner
+from drake_shared.learners.fields import Layer
 
 Floats = NDArray[np.float32]
 Network = Callable[[Floats], Floats]
@@ -31,7 +32,7 @@ class Predictor:
         make: Makes the network.
     """
 
-    def __init__(self, model: CnmpModel, first: int, make: Callable[[CnmpModel, int], Network]) -> None:
+    def __init__(self, model: CnmpLearner, first: int, make: Callable[[CnmpLearner, int], Network]) -> None:
         self._model = model
         self._reference = model.reference[first:]
         self.network = make(model, first)
@@ -66,7 +67,7 @@ class TorchNetwork(torch.nn.Module):
     by_time: torch.Tensor
     by_code: torch.Tensor
 
-    def __init__(self, model: CnmpModel, first: int, *, precompute: bool) -> None:
+    def __init__(self, model: CnmpLearner, first: int, *, precompute: bool) -> None:
         super().__init__()
         self.encoder, self.decoder = _sequential(model.encoder), _sequential(model.decoder)
         self.bayesian = model.aggregation == "bayesian"
@@ -93,22 +94,22 @@ class TorchNetwork(torch.nn.Module):
         return self.decoder(torch.cat([code.expand(len(self.by_time), -1), self.by_time], dim=1))
 
 
-def make_published(model: CnmpModel, first: int) -> Network:
+def make_published(model: CnmpLearner, first: int) -> Network:
     """The network in torch as published codes have it, in eager mode."""
     return _numpy_in_and_out(TorchNetwork(model, first, precompute=False))
 
 
-def make_torch(model: CnmpModel, first: int) -> Network:
+def make_torch(model: CnmpLearner, first: int) -> Network:
     """The network in torch with the time part precomputed, in eager mode."""
     return _numpy_in_and_out(TorchNetwork(model, first, precompute=True))
 
 
-def make_compiled(model: CnmpModel, first: int) -> Network:
+def make_compiled(model: CnmpLearner, first: int) -> Network:
     """The same network compiled by torch.compile, which needs a C++ compiler."""
     return _numpy_in_and_out(torch.compile(TorchNetwork(model, first, precompute=True), dynamic=False))
 
 
-def make_onnx(model: CnmpModel, first: int) -> Network:
+def make_onnx(model: CnmpLearner, first: int) -> Network:
     """The same network in onnxruntime, on one thread."""
     import onnxruntime
 
@@ -132,7 +133,7 @@ def make_onnx(model: CnmpModel, first: int) -> Network:
     return run
 
 
-def matrix_shapes(model: CnmpModel, first: int, *, precompute: bool) -> list[tuple[int, int, int]]:
+def matrix_shapes(model: CnmpLearner, first: int, *, precompute: bool) -> list[tuple[int, int, int]]:
     """Rows, inputs and outputs of each matrix product of a prediction from one observation."""
     queries = len(model.grid) - first
     shapes = [(1, *weights.shape) for weights, _ in model.encoder]
@@ -142,7 +143,7 @@ def matrix_shapes(model: CnmpModel, first: int, *, precompute: bool) -> list[tup
     return [*shapes, *((queries, *shape) for shape in rest)]
 
 
-def make_products(model: CnmpModel, first: int, *, precompute: bool) -> Callable[[], None]:
+def make_products(model: CnmpLearner, first: int, *, precompute: bool) -> Callable[[], None]:
     """The matrix products of a prediction in float32, into arrays allocated in advance, and nothing else."""
     products = [
         (np.ones((rows, inputs), np.float32), np.ones((inputs, outputs), np.float32))

@@ -21,7 +21,6 @@ from drake_shared.experiments.benchmark.networks import (
 from drake_shared.experiments.benchmark.results import GroupResult, Ratio, make_ratio
 from drake_shared.experiments.benchmark.timing import Spread, Task, interleave, spread
 from drake_shared.learners.cnmp.learner import CnmpLearner
-from drake_shared.learners.cnmp.model import CnmpModel
 
 QUERIES = 301
 """Every control step of 15 s."""
@@ -61,7 +60,6 @@ def run(setup: Setup) -> GroupResult:
             if name not in (OURS, BARE, PUBLISHED_BARE) and not name.endswith(NETWORK_ALONE):
                 aim = "at least 4" if name == "torch eager" else ""
                 ratios.append(make_ratio(found, name, OURS, aim=aim, note=note))
-    model = learner.model
     return GroupResult(
         name="predict",
         method=_METHOD,
@@ -69,10 +67,10 @@ def run(setup: Setup) -> GroupResult:
         seconds=seconds,
         absent=absent,
         details={
-            "encoder": [int(bias.size) for _, bias in model.encoder],
-            "aggregation": model.aggregation,
-            "decoder": [int(bias.size) for _, bias in model.decoder],
-            "harmonics": model.harmonics,
+            "encoder": [int(bias.size) for _, bias in learner.encoder],
+            "aggregation": learner.aggregation,
+            "decoder": [int(bias.size) for _, bias in learner.decoder],
+            "harmonics": learner.harmonics,
         },
     )
 
@@ -87,14 +85,13 @@ def make_contenders(
         first: Index of the first query on its grid.
         compiled: Whether torch.compile takes part; compiling takes most of a minute.
     """
-    model = learner.model
-    time, position = float(model.grid[first]), model.demonstrations[0, first]
+    time, position = float(learner.grid[first]), learner.demonstrations[0, first]
     contenders: dict[str, Task] = {
         OURS: partial(learner.predict, np.array([time]), position[None], learner.grid[first:]),
-        BARE: make_products(model, first, precompute=True),
-        PUBLISHED_BARE: make_products(model, first, precompute=False),
+        BARE: make_products(learner, first, precompute=True),
+        PUBLISHED_BARE: make_products(learner, first, precompute=False),
     }
-    others: dict[str, Callable[[CnmpModel, int], Network]] = {
+    others: dict[str, Callable[[CnmpLearner, int], Network]] = {
         "torch eager": make_published,
         "torch eager, time part kept": make_torch,
         "onnxruntime": make_onnx,
@@ -106,7 +103,7 @@ def make_contenders(
         absent["torch.compile"] = "not in a quick run: compiling takes most of a minute"
     for name, make in others.items():
         try:
-            predictor = Predictor(model, first, make)
+            predictor = Predictor(learner, first, make)
             encoded = predictor.encode(time, position)
             predictor.network(encoded)
         except Exception as error:  # Compilers and runtimes raise exceptions of many types.

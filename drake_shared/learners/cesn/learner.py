@@ -2,135 +2,117 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from drake_shared.common.arrays import path_at, read_only
-from drake_shared.learners.base import check_query
-from drake_shared.learners.cesn.file import cesn_from_file, cesn_to_file
-from drake_shared.learners.cesn.model import CesnModel, at_times, encode, features, within
-from drake_shared.learners.ood_variance import Doubt
+from drake_shared.common.arrays import path_at
+from drake_shared.common.errors import InputError
+from drake_shared.learners.base import Array, Prediction
+from drake_shared.learners.cesn.context import at_times, encode, features, within
+from drake_shared.learners.fields import Content, Number, Tensor
+from drake_shared.learners.stored import RegressionLearner
 
-Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
 
 
-class CesnLearner:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CesnLearner(RegressionLearner):
     """An echo state network with prediction intervals, after CESN+ (arXiv 2412.00541). A `Learner`.
 
-    A fixed random reservoir, driven by the phase of the task, gives states over time; what was observed is
-    the context; linear readouts, which ridge regression finds in one step, turn both into a mean and an
-    interval about it. All that is learnt is the readouts, so training takes seconds and no torch.
+    A fixed random reservoir, driven by the phase of the task, gives states over time; the observations are
+    the context; linear readouts, which ridge regression finds in one step, map both to a mean and an interval
+    about it. Only the readouts are learnt, so training takes seconds and no torch.
 
-    What the paper leaves open, or what is done otherwise here:
+    Choices that the paper leaves open, or that differ from it:
 
-    - The context does not enter the reservoir but decides how its states are read out: the features read are
-      the products of the states with those of the context. So the states are computed once, not rolled anew
-      at each control step, and a prediction is three small products of matrices.
+    - The context does not enter the reservoir but decides how its states are read out: the readout is linear
+      in the products of the states with the features of the context. So the states are computed once rather
+      than at each control step, and a prediction is three small matrix products.
     - A context is a set of observations. Its code is the posterior of the amounts of the demonstrations'
-      principal modes (`encode`), with a fixed random layer of tanh behind it, since to tell routes apart
-      takes more than what is linear.
-    - The interval of linear regression is as wide for all contexts that are as well known. Here a second
-      readout gives the logarithm of the variance, by the scoring steps of a gamma regression on the squared
-      residuals of contexts not used for the mean; then it is widened until 90% intervals hold 90%.
-    - Far from all demonstrations the variance grows by `Doubt`; without observations the prediction is the
-      demonstrations' own weighted mean and variance.
+      principal modes (`encode`), followed by a fixed random layer of tanh, since routes are not told apart
+      linearly.
+    - The interval of linear regression does not depend on which route a context shows. Here a second readout
+      gives the logarithm of the variance, by the scoring steps of a gamma regression on the squared residuals
+      of contexts not used for the mean; then it is widened until 90% intervals cover 90%.
 
-    Args:
-        model: What was learnt and what goes with it.
+    "Normalized" is relative to ``reference`` and in units of ``scale``.
+
+    Attributes:
+        states: Shape (P, S), of the reservoir at P even phases of the task.
+        modes: Shape (P, D, K), at these phases the principal modes of the normalized demonstrations, each
+            times its standard deviation.
+        hidden_weights, hidden_bias: Shapes (2K, H) and (H,), of the random layer.
+        readout: Shape (1 + 2K + H, 2D, S), from a context's features to the readout of the states for the
+            normalized mean of each coordinate and the logarithm of its variance.
+        log_variance: Shape (D, P), to which the latter are added.
+        noise: Standard deviation of observed positions, normalized.
+        reach: Largest distance from the reference, normalized; positions farther away are moved in to it.
+        sigma_floor: Normalized.
     """
 
-    name = "cesn"
-
-    def __init__(self, model: CesnModel) -> None:
-        self.model = model
-        self.preset = model.preset
-        self.confidence_gain = model.confidence_gain
-        self.duration = float(model.grid[-1])
-        self.grid = read_only(model.grid)
-        self.demonstrations: Array | None = read_only(model.demonstrations)
-        self.metadata = dict(model.metadata)
-        self._doubt = Doubt(
-            grid=self.grid,
-            demonstrations=self.demonstrations,
-            reach=model.doubt_reach,
-            gain=model.doubt_gain,
-        )
-        # Rows first in memory, as a file gives them: in another order products differ in their last bits.
-        self._hidden_weights = model.hidden_weights.astype(np.float32, order="C")
-        self._hidden_bias = model.hidden_bias.astype(np.float32)
-        self._readout = model.readout.reshape(len(model.readout), -1).astype(np.float32, order="C")
-        # Shape (D, N): queries come last, as in the CNMP.
-        self._states = at_times(model.states, self.grid, self.duration).T.astype(np.float32)
-        self._log_variance = at_times(model.log_variance.T, self.grid, self.duration).T
-        self._way = np.ascontiguousarray(model.reference.T)
-        # Logarithms: from a normalised variance to one in [m^2], and the bounds of the former.
-        self._lift = 2.0 * math.log(model.scale * model.sigma_scale)
-        self._least = 2.0 * math.log(model.sigma_floor)
-        self._most = 2.0 * math.log(model.reach)
-        self._prior = self._moments()
-
-    def to_file(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Tensors and description for `save_learner`."""
-        tensors, description = cesn_to_file(self.model)
-        return tensors, {**description, "confidence_gain": float(self.confidence_gain)}
+    name: ClassVar[str] = "cesn"
+    states: Annotated[Array, Tensor("P", "S")]
+    modes: Annotated[Array, Tensor("P", "D", "K")]
+    hidden_weights: Annotated[Array, Tensor("2K", "H")]
+    hidden_bias: Annotated[Array, Tensor("H")]
+    readout: Annotated[Array, Tensor("1 + 2K + H", "2D", "S")]
+    log_variance: Annotated[Array, Tensor("D", "P")]
+    noise: Annotated[float, Number()]
+    reach: Annotated[float, Number()]
 
     @classmethod
-    def from_file(
-        cls, path: Any, tensors: Mapping[str, NDArray[Any]], description: Mapping[str, Any]
-    ) -> CesnLearner:
-        """The learner of a file, for `load_learner`.
+    def _read(cls, content: Content) -> dict[str, Any]:
+        values = super()._read(content)
+        if len(values["states"]) < 2:
+            raise InputError(content.path, "states", "must be at 2 phases or more", len(values["states"]))
+        return values
 
-        Raises:
-            InputError: Something in it does not fit.
-        """
-        return cls(cesn_from_file(path, tensors, description))
-
-    def scaled(self, factor: float) -> CesnLearner:
-        """The same with all standard deviations times ``factor``."""
-        scale = self.model.sigma_scale * factor
-        return CesnLearner(dataclasses.replace(self.model, sigma_scale=scale, metadata=self.metadata))
-
-    def predict(self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike) -> tuple[Array, Array]:
-        """Mean (Q, 2) in [m] and variance (Q, 2) in [m^2] at ``query_times`` (Q,); see `Learner.predict`."""
-        observed_times, observed, queries = check_query(times, positions, query_times)
+    def _condition(self, times: Array, positions: Array, queries: Array) -> Prediction:
+        if not math.isfinite(float(times.sum() + positions.sum())):
+            shape = (len(queries), self.position_size)
+            return np.full(shape, math.nan), np.full(shape, math.nan)
+        times = np.minimum(np.maximum(times, 0.0), self.duration)
         start = len(self.grid) - len(queries)
         on_grid = start >= 0 and bool((queries == self.grid[start:]).all())
-        first = start if on_grid else 0
-        if not len(observed_times):
-            mean, variance = (values[first:] for values in self._prior)
-        else:
-            observed_times = np.minimum(np.maximum(observed_times, 0.0), self.duration)
-            if not math.isfinite(float(observed_times.sum() + observed.sum())):
-                nothing = np.full((len(queries), 2), math.nan)
-                return nothing, nothing.copy()
-            mean, variance = self._conditioned(observed_times, observed, first)
+        mean, variance = self._on_grid(times, positions, start if on_grid else 0)
         if on_grid:
             return mean.copy(), variance.copy()
         return path_at(mean, self.grid, queries), path_at(variance, self.grid, queries)
 
-    def _conditioned(self, times: Array, positions: Array, first: int) -> tuple[Array, Array]:
-        """Mean and variance (N - first, 2) on the grid from ``first`` on; ``times`` within [0, T]."""
-        model = self.model
-        offsets = (positions - at_times(model.reference, times, self.duration)) / model.scale
-        modes = at_times(model.modes, times, self.duration)
-        code = encode(modes, within(offsets, model.reach), model.noise).astype(np.float32)
-        read = features(code, self._hidden_weights, self._hidden_bias) @ self._readout
-        raw = read.reshape(4, -1) @ self._states[:, first:]
-        mean = raw[:2] * model.scale + self._way[:, first:]
-        logs = np.clip(raw[2:] + self._log_variance[:, first:], self._least, self._most)
-        variance = np.exp(logs + self._lift) + self._doubt(times, positions)
+    def _on_grid(self, times: Array, positions: Array, first: int) -> Prediction:
+        """Mean and variance (N - first, D) on the grid from ``first`` on; ``times`` within [0, T]."""
+        hidden_weights, hidden_bias, readout, states, log_variance = self._prepared
+        size = self.position_size
+        offsets = (positions - at_times(self.reference, times, self.duration)) / self.scale
+        modes = at_times(self.modes, times, self.duration)
+        code = encode(modes, within(offsets, self.reach), self.noise).astype(np.float32)
+        rows = (features(code, hidden_weights, hidden_bias) @ readout).reshape(2 * size, -1)
+        raw = rows @ states[:, first:]
+        mean = raw[:size] * self.scale + self.reference.T[:, first:]
+        # Logarithms of normalized variances within their bounds, then of variances in [m^2].
+        logs = raw[size:] + log_variance[:, first:]
+        logs = np.clip(logs, 2.0 * math.log(self.sigma_floor), 2.0 * math.log(self.reach))
+        variance = np.exp(logs + 2.0 * math.log(self.scale * self.sigma_scale))
+        variance += self._ood_variance(times, positions)
         return mean.T, variance.T
 
-    def _moments(self) -> tuple[Array, Array]:
-        """Mean and variance (N, 2) of the demonstrations themselves."""
-        model = self.model
-        mean = (model.weights[:, None, None] * model.demonstrations).sum(axis=0)
-        # What a driver may want is not what is desirable: the spread is that of all demonstrations alike.
-        variance = np.square(model.demonstrations - mean).mean(axis=0)
-        variance += (model.sigma_floor * model.scale) ** 2
-        return mean, variance * model.sigma_scale**2
+    @cached_property
+    def _prepared(self) -> tuple[Floats, Floats, Floats, Floats, Array]:
+        """Layer, readout (F, 2D S), and on the grid the states (S, N) and log variances (D, N)."""
+        # Always row-major: in another order products differ in their last bits.
+        return (
+            self.hidden_weights.astype(np.float32, order="C"),
+            self.hidden_bias.astype(np.float32),
+            self.readout.reshape(len(self.readout), -1).astype(np.float32, order="C"),
+            at_times(self.states, self.grid, self.duration).T.astype(np.float32),
+            at_times(self.log_variance.T, self.grid, self.duration).T,
+        )
+
+    @property
+    def _floor(self) -> float:
+        return self.sigma_floor * self.scale

@@ -1,148 +1,186 @@
-"""The conditional neural movement primitive as a predictor, in numpy alone."""
+"""The conditional neural movement primitive (CNMP) as a predictor, in numpy alone."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drake_shared.common.arrays import path_at, read_only
-from drake_shared.learners.base import check_query
-from drake_shared.learners.cnmp.file import cnmp_from_file, cnmp_to_file
-from drake_shared.learners.cnmp.model import CnmpModel
-from drake_shared.learners.cnmp.time_features import time_features
-from drake_shared.learners.layers import aggregate_each, softplus
-from drake_shared.learners.ood_variance import Doubt
+from drake_shared.common.arrays import path_at
+from drake_shared.common.errors import InputError
+from drake_shared.learners.base import Array, Prediction, check_query
+from drake_shared.learners.cnmp.layers import aggregate_each, softplus, time_features
+from drake_shared.learners.fields import Content, Layer, Layers, Tensors
+from drake_shared.learners.stored import RegressionLearner
+
+Floats = NDArray[np.float32]
 
 
-class CnmpLearner:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CnmpLearner(RegressionLearner):
     """Predicts trajectories as the CNMP of sec. III.A of Amirshirzad et al. 2022 does. A `Learner`.
 
-    Each observation is encoded, the codes are averaged, and the decoder turns the average and a query time
-    into a mean and a standard deviation. Without observations the prediction is the demonstrations' own
-    weighted mean and variance.
+    Each observation is encoded, the codes are averaged, and the decoder maps the average and a query time to
+    a mean and a standard deviation.
 
-    What does not depend on the observations is computed once: for queries on the grid, or its later part, the
-    decoder's first layer only adds the code's part to the time's.
-
-    Args:
-        model: The trained network and what goes with it.
+    Attributes:
+        harmonics: Fourier features of time.
+        aggregation: Of several codes, "mean" or "bayesian"; see `drake_shared.learners.cnmp.layers`.
+        encoder: From time features and a normalized position to a code (C,).
+        decoder: From the code, then time features, to mean and raw standard deviation (2D,), normalized.
+        sigma_floor: In [m].
     """
 
-    name = "cnmp"
-
-    def __init__(self, model: CnmpModel) -> None:
-        self.model = model
-        self.preset = model.preset
-        self.confidence_gain = model.confidence_gain
-        self.duration = float(model.grid[-1])
-        self.grid = read_only(model.grid)
-        self.demonstrations: NDArray[np.float64] | None = read_only(model.demonstrations)
-        self.metadata = dict(model.metadata)
-        self._doubt = Doubt(
-            grid=self.grid,
-            demonstrations=self.demonstrations,
-            reach=model.doubt_reach,
-            gain=model.doubt_gain,
-        )
-        # Numbers and biases as arrays of the type and dimensions of what they meet: numpy takes them soonest.
-        self._scale = np.array(model.scale, np.float32)
-        self._sigma_factor = np.array(model.scale * model.sigma_scale, np.float32)
-        self._sigma_offset = np.array(model.sigma_floor * model.sigma_scale, np.float32)
-        self._encoder = [(weights, bias[None]) for weights, bias in model.encoder]
-        # One observation is looked up faster in a list than in an array.
-        self._way = model.reference.tolist()
-        self._harmonics = range(1, model.harmonics + 1)
-        self._steps_per_second = (len(model.grid) - 1) / self.duration
-        code_size = model.encoder[-1][0].shape[1]
-        first, bias = model.decoder[0]
-        self._code_weights = np.ascontiguousarray(first[:code_size])
-        self._time_weights = np.ascontiguousarray(first[code_size:])
-        self._time_bias = bias
-        self._layers = [
-            (np.ascontiguousarray(weights.T), bias[None, :, None]) for weights, bias in model.decoder[1:]
-        ]
-        self._on_grid = {0: self._prepare(self.grid)}
-        self._prior = self._moments()
-
-    def to_file(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Tensors and description for `save_learner`."""
-        return cnmp_to_file(self.model)
-
-    @classmethod
-    def from_file(
-        cls, path: Any, tensors: Mapping[str, NDArray[Any]], description: Mapping[str, Any]
-    ) -> CnmpLearner:
-        """The learner of a file, for `load_learner`.
-
-        Raises:
-            InputError: Something in it does not fit.
-        """
-        return cls(cnmp_from_file(path, tensors, description))
-
-    def scaled(self, factor: float) -> CnmpLearner:
-        """The same with all standard deviations times ``factor``."""
-        scale = self.model.sigma_scale * factor
-        return CnmpLearner(dataclasses.replace(self.model, sigma_scale=scale, metadata=self.metadata))
-
-    def predict(
-        self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean (Q, 2) in [m] and variance (Q, 2) in [m^2] at ``query_times`` (Q,); see `Learner.predict`."""
-        seen_times, seen, queries = check_query(times, positions, query_times)
-        if not len(seen_times):
-            mean, variance = self._prior
-            return path_at(mean, self.grid, queries), path_at(variance, self.grid, queries)
-        (answer,) = self._answers(seen_times, seen, queries, [len(seen_times)])
-        return answer
+    name: ClassVar[str] = "cnmp"
+    harmonics: int
+    aggregation: str
+    encoder: Annotated[tuple[Layer, ...], Layers()]
+    decoder: Annotated[tuple[Layer, ...], Layers()]
 
     def predict_prefixes(
         self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike
-    ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """What `predict` says of the first observation, of the first two, and so on to all, to the bit.
+    ) -> list[Prediction]:
+        """What `predict` returns for the first observation, the first two, and so on to all, bit for bit.
 
-        Much of a prediction's time is that of calling numpy, which is called as often for several as for one.
+        Much of a prediction's time is the overhead of numpy calls, of which there are as many for one.
         """
-        seen_times, seen, queries = check_query(times, positions, query_times)
-        return self._answers(seen_times, seen, queries, range(1, len(seen_times) + 1))
+        seen_times, seen, queries = check_query(times, positions, query_times, self.position_size)
+        return self._predictor.predict(seen_times, seen, queries, range(1, len(seen_times) + 1))
 
-    def _answers(
-        self,
-        times: NDArray[np.float64],
-        positions: NDArray[np.float64],
-        queries: NDArray[np.float64],
-        counts: Sequence[int],
-    ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Mean and variance (Q, 2) each after as many of the observations as ``counts`` says."""
+    def to_file(self) -> tuple[Tensors, dict[str, Any]]:
+        """See `StoredLearner`."""
+        tensors, description = super().to_file()
+        description["architecture"] = {
+            "harmonics": self.harmonics,
+            "aggregation": self.aggregation,
+            "encoder": [int(bias.size) for _, bias in self.encoder],
+            "decoder": [int(bias.size) for _, bias in self.decoder],
+        }
+        return tensors, description
+
+    @classmethod
+    def _read(cls, content: Content) -> dict[str, Any]:
+        values = super()._read(content)
+        given = content.description.get("architecture")
+        architecture: dict[str, Any] = given if isinstance(given, dict) else {}
+        harmonics, aggregation = architecture.get("harmonics"), architecture.get("aggregation")
+        features = 1 + 2 * harmonics if isinstance(harmonics, int) else 0
+        widths = {part: [int(bias.size) for _, bias in values[part]] for part in ("encoder", "decoder")}
+        size, code = content.sizes["D"], widths["encoder"][-1]
+        fits = (
+            features > 0
+            and (aggregation == "mean" or (aggregation == "bayesian" and code % 2 == 0))
+            and all(architecture.get(part) == widths[part] for part in widths)
+            and len(values["encoder"][0][0]) == features + size
+            and len(values["decoder"][0][0]) == code + features
+            and widths["decoder"][-1] == 2 * size
+        )
+        if not fits:
+            expected = "must give harmonics, aggregation and widths that fit the tensors"
+            raise InputError(content.path, "architecture", expected, given)
+        return {**values, "harmonics": harmonics, "aggregation": aggregation}
+
+    def _condition(self, times: Array, positions: Array, queries: Array) -> Prediction:
+        (prediction,) = self._predictor.predict(times, positions, queries, [len(times)])
+        return prediction
+
+    @cached_property
+    def _predictor(self) -> _Predictor:
+        return _Predictor(self)
+
+
+class _Queries(NamedTuple):
+    """The part of a prediction that depends on the queries alone.
+
+    Attributes:
+        hidden: Shape (H, Q), the time's part of the decoder's first layer. Queries come last: BLAS multiplies
+            a few rows by many columns five times faster than many rows by a few columns.
+        reference: Shape (D, Q), in [m].
+    """
+
+    hidden: Floats
+    reference: Array
+
+
+class _Predictor:
+    """Evaluates the network of a learner; what does not depend on observations is precomputed."""
+
+    def __init__(self, learner: CnmpLearner) -> None:
+        self._learner = learner
+        self._grid, self._duration, self._size = learner.grid, learner.duration, learner.position_size
+        self._ood_variance = learner._ood_variance
+        # Arrays of the type and dimensions of their other operand are fastest.
+        self._scale = np.array(learner.scale, np.float32)
+        self._sigma_factor = np.array(learner.scale * learner.sigma_scale, np.float32)
+        self._sigma_offset = np.array(learner.sigma_floor * learner.sigma_scale, np.float32)
+        self._encoder = [(weights, bias[None]) for weights, bias in learner.encoder]
+        # One time is looked up faster in a list than in an array.
+        self._reference = learner.reference.tolist()
+        self._harmonics = range(1, learner.harmonics + 1)
+        self._steps_per_second = (len(learner.grid) - 1) / self._duration
+        code_size = learner.encoder[-1][0].shape[1]
+        first, self._time_bias = learner.decoder[0]
+        self._code_weights = np.ascontiguousarray(first[:code_size])
+        self._time_weights = np.ascontiguousarray(first[code_size:])
+        self._layers = [
+            (np.ascontiguousarray(weights.T), bias[None, :, None]) for weights, bias in learner.decoder[1:]
+        ]
+        self._on_grid = {0: self._prepare(self._grid)}
+
+    def predict(
+        self, times: Array, positions: Array, queries: Array, counts: Sequence[int]
+    ) -> list[Prediction]:
+        """Predicts from the first observations, as many of them as each of ``counts`` says."""
         if not counts:
             return []
         prepared = self._prepared(queries)
-        seen = np.array(
-            [self._seen(time, x, y) for time, (x, y) in zip(times.tolist(), positions.tolist(), strict=True)],
-            np.float32,
-        )
-        encoded = [self._encode(seen[:count]) for count in counts]
-        raw = self._decode(aggregate_each(encoded, self.model.aggregation), prepared)
-        mean = raw[:, :2] * self._scale + prepared.way
-        sigma = softplus(raw[:, 2:])
+        observed = [
+            self._observation(time, position)
+            for time, position in zip(times.tolist(), positions.tolist(), strict=True)
+        ]
+        inputs = np.array(observed, np.float32)
+        encoded = [self._encode(inputs[:count]) for count in counts]
+        raw = self._decode(aggregate_each(encoded, self._learner.aggregation), prepared)
+        mean = raw[:, : self._size] * self._scale + prepared.reference
+        sigma = softplus(raw[:, self._size :])
         sigma *= self._sigma_factor
         sigma += self._sigma_offset
         sigma *= sigma
-        doubts = self._doubt.prefixes(times, positions)
-        answers = []
+        added = self._ood_variance.prefixes(times, positions)
+        predictions = []
         for index, count in enumerate(counts):
             variance = sigma[index].T.astype(np.float64, order="C")
-            variance += doubts[count - 1]
-            answers.append((mean[index].T.copy(), variance))
-        return answers
+            variance += added[count - 1]
+            predictions.append((mean[index].T.copy(), variance))
+        return predictions
 
-    def _encode(self, seen: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The codes (n, C) of observations (n, F + 2)."""
-        hidden = seen
+    def _observation(self, time: float, position: list[float]) -> list[float]:
+        """The encoder's input: time as `time_features` has it, and the normalized position."""
+        duration, scale = self._duration, self._learner.scale
+        time = math.nan if math.isnan(time) else min(max(time, 0.0), duration)
+        angle = math.pi * time / duration
+        step = time * self._steps_per_second
+        index = 0 if math.isnan(step) else min(int(step), len(self._reference) - 2)
+        share = step - index
+        before, after = self._reference[index], self._reference[index + 1]
+        return [
+            time / duration,
+            *[math.sin(k * angle) for k in self._harmonics],
+            *[math.cos(k * angle) for k in self._harmonics],
+            *[
+                (x - x0 - share * (x1 - x0)) / scale
+                for x, x0, x1 in zip(position, before, after, strict=True)
+            ],
+        ]
+
+    def _encode(self, inputs: Floats) -> Floats:
+        """The codes (n, C) of observations (n, F + D)."""
+        hidden = inputs
         *inner, (weights, bias) = self._encoder
         for inner_weights, inner_bias in inner:
             hidden = hidden @ inner_weights
@@ -152,28 +190,11 @@ class CnmpLearner:
         hidden += bias
         return hidden
 
-    def _seen(self, time: float, x: float, y: float) -> list[float]:
-        """What the encoder is told of one observation: time, as `time_features` has it, and where it is."""
-        duration, scale = self.duration, self.model.scale
-        time = min(max(time, 0.0), duration) if time == time else math.nan
-        angle = math.pi * time / duration
-        step = time * self._steps_per_second
-        index = min(int(step), len(self._way) - 2) if step == step else 0
-        share = step - index
-        (x0, y0), (x1, y1) = self._way[index], self._way[index + 1]
-        return [
-            time / duration,
-            *[math.sin(k * angle) for k in self._harmonics],
-            *[math.cos(k * angle) for k in self._harmonics],
-            (x - x0 - share * (x1 - x0)) / scale,
-            (y - y0 - share * (y1 - y0)) / scale,
-        ]
+    def _decode(self, codes: Floats, prepared: _Queries) -> Floats:
+        """Mean and raw standard deviation, normalized, from codes (n, C): a new array (n, 2D, Q).
 
-    def _decode(self, codes: NDArray[np.float32], prepared: _Queries) -> NDArray[np.float32]:
-        """Mean and raw spread, normalised, after each of the codes (n, C): shape (n, 4, Q); fresh.
-
-        max(h + b, 0) is max(h, -b) + b, and the weights of the next layer make a number of the second part
-        that is the same for all queries. So a layer is one product and one maximum.
+        max(h + b, 0) is max(h, -b) + b, and the next layer maps the second term to a number that is the same
+        for all queries. So a layer is one product and one maximum.
         """
         shift = (codes[:, None, :] @ self._code_weights).reshape(len(codes), -1, 1)
         hidden = np.maximum(prepared.hidden, -shift)
@@ -185,52 +206,28 @@ class CnmpLearner:
             np.maximum(hidden, -shift, out=hidden)
         shift = last_weights @ shift
         shift += last_bias
-        raw = last_weights @ hidden
+        raw: Floats = last_weights @ hidden
         raw += shift
         return raw
 
-    def _prepared(self, queries: NDArray[np.float64]) -> _Queries:
-        """What of a prediction depends on the queries alone; kept for those that are the rest of the grid."""
-        start = len(self.grid) - len(queries)
-        if start < 0 or not (queries == self.grid[start:]).all():
+    def _prepared(self, queries: Array) -> _Queries:
+        """`_prepare`, kept for queries that are the rest of the grid."""
+        start = len(self._grid) - len(queries)
+        if start < 0 or not (queries == self._grid[start:]).all():
             return self._prepare(queries)
         prepared = self._on_grid.get(start)
         if prepared is None:
-            prepared = self._on_grid[start] = self._on_grid[0].later(start)
+            # numpy is twice as fast on contiguous rows.
+            whole = self._on_grid[0]
+            prepared = self._on_grid[start] = _Queries(
+                hidden=np.ascontiguousarray(whole.hidden[:, start:]),
+                reference=np.ascontiguousarray(whole.reference[:, start:]),
+            )
         return prepared
 
-    def _prepare(self, queries: NDArray[np.float64]) -> _Queries:
-        features = time_features(queries, self.duration, self.model.harmonics).astype(np.float32)
+    def _prepare(self, queries: Array) -> _Queries:
+        features = time_features(queries, self._duration, self._learner.harmonics).astype(np.float32)
         return _Queries(
             hidden=np.ascontiguousarray((features @ self._time_weights + self._time_bias).T),
-            way=np.ascontiguousarray(path_at(self.model.reference, self.grid, queries).T),
-        )
-
-    def _moments(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean and variance (N, 2) of the demonstrations themselves."""
-        weights = self.model.weights[:, None, None]
-        mean = (weights * self.model.demonstrations).sum(axis=0)
-        # What a driver may want is not what is desirable: the spread is that of all demonstrations alike.
-        variance = np.square(self.model.demonstrations - mean).mean(axis=0)
-        return mean, variance + self.model.sigma_floor**2
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
-class _Queries:
-    """What of a prediction depends on the queries alone.
-
-    Attributes:
-        hidden: Shape (H, Q), the time part of the decoder's first layer. Queries come last: BLAS multiplies a
-            few rows by many columns five times faster than many rows by a few columns.
-        way: Shape (2, Q), what the mean is counted from, in [m].
-    """
-
-    hidden: NDArray[np.float32]
-    way: NDArray[np.float64]
-
-    def later(self, start: int) -> _Queries:
-        """The queries from ``start`` on."""
-        # In one piece: numpy works at half the speed on rows that lie apart.
-        return _Queries(
-            hidden=np.ascontiguousarray(self.hidden[:, start:]), way=np.ascontiguousarray(self.way[:, start:])
+            reference=np.ascontiguousarray(path_at(self._learner.reference, self._grid, queries).T),
         )

@@ -14,62 +14,61 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from drake_shared.common.errors import RunError
+from drake_shared.learners.cnmp.layers import time_features
 from drake_shared.learners.cnmp.learner import CnmpLearner
 from drake_shared.learners.cnmp.loss import beta_nll
-from drake_shared.learners.cnmp.model import CnmpModel
 from drake_shared.learners.cnmp.network import CnmpNetwork
 from drake_shared.learners.cnmp.parameters import TrainingParameters
-from drake_shared.learners.cnmp.sampling import Batch, Lesson, Sampler, hold_out
-from drake_shared.learners.cnmp.time_features import time_features
-from drake_shared.learners.dataset import Dataset, normalisation
+from drake_shared.learners.cnmp.sampling import Batch, Sampler, TaskData, hold_out
+from drake_shared.learners.dataset import Dataset, normalization
+from drake_shared.learners.fields import Layer
 
 Progress = Callable[[int, int, float], None]
 """Takes the iterations done, those planned, and the running mean loss in nats per point."""
 
-LEAST_NOISE = 0.05
-"""Relative; for lengths that are counted in the noise, where there is none."""
-RISE = 0.1
+MIN_NOISE = 0.05
+"""Relative; the unit of lengths that are multiples of the noise, where there is none."""
+WARM_UP = 0.1
 """Share of a one-cycle schedule in which the learning rate rises."""
 CHECKS = 50
-"""How often in a training progress is judged."""
-LEAST_PROGRESS = 0.02
-"""Less than this, in nats per point, is none."""
-JUDGED = 256
-"""Progress is judged by so many samples of demonstrations that are held out, if any are."""
-CLOSING = 0.2
+"""Number of times in a training that the loss is checked for improvement."""
+MIN_IMPROVEMENT = 0.02
+"""In nats per point."""
+VALIDATION_SAMPLES = 256
+"""Samples of held-out demonstrations, if there are any, for these checks."""
+COOL_DOWN = 0.2
 """Share of the plan that is left to a training that is cut short, for the learning rate to fall."""
 
 
-class Optimisation:
-    """Networks of one shape, what each is taught, and how far they are.
+class Optimization:
+    """Trains networks of one shape side by side, in one batched computation and by one plan.
 
-    They are trained side by side, in one batched computation and by one plan: each learner by its own
-    demonstrations, from its own seed, with its own loss.
+    Each learner has its own demonstrations, seed and loss.
 
     Attributes:
         planned: Iterations, at the beginning of the run.
         iterations: Done so far by each learner; one whose loss fell below Lt has stopped.
-        held_out: How many demonstrations of each only judge.
+        held_out: Number of held-out demonstrations of each.
         losses: Of each learner, pairs of iteration and running mean loss, in nats per point with positions
             in m.
-        ignores_observations: Whether each was found to predict the same whatever it is shown.
+        ignores_observations: Whether each was found to predict the same whatever it observes.
 
     Args:
-        datasets: What each is to learn, all on grids of as many steps; a tenth is only judged by if there are
-            demonstrations enough.
-        parameters: How.
-        seeds: Of the first weights and of what is drawn for each.
+        datasets: Of each learner, on grids of one length. A tenth of the demonstrations is held out if there
+            are enough.
+        parameters: Of the training.
+        seeds: Of the initial weights and the samples of each learner.
     """
 
     def __init__(
         self, datasets: Sequence[Dataset], parameters: TrainingParameters, seeds: Sequence[int]
     ) -> None:
         self.datasets, self.parameters, self.seeds = list(datasets), parameters, list(seeds)
-        steps = {len(dataset.grid) for dataset in datasets}
-        if len(steps) != 1 or len(seeds) != len(datasets):
-            raise ValueError(f"needs datasets of as many steps and as many seeds, got {steps}, {len(seeds)}")
+        shapes = {dataset.mean_path.shape for dataset in datasets}
+        if len(shapes) != 1 or len(seeds) != len(datasets):
+            raise ValueError(f"needs datasets of one shape and as many seeds, got {shapes}, {len(seeds)}")
         self._scales, self._references = zip(
-            *(normalisation(dataset, centred=parameters.centred) for dataset in datasets), strict=True
+            *(normalization(dataset, centred=parameters.centred) for dataset in datasets), strict=True
         )
         count = len(self.datasets)
         self.planned = 0
@@ -84,32 +83,29 @@ class Optimisation:
             for dataset in datasets
         ]
         relative = [floor / scale for floor, scale in zip(self._floors, self._scales, strict=True)]
-        self._least_sigma = torch.tensor(relative, dtype=torch.float32)[:, None, None, None]
-        self._paths = [
-            (dataset.positions - reference) / scale
-            for dataset, reference, scale in zip(datasets, self._references, self._scales, strict=True)
-        ]
+        self._min_sigma = torch.tensor(relative, dtype=torch.float32)[:, None, None, None]
         held_out = [
-            hold_out(len(paths), seed) & (parameters.patience > 0.0)
-            for paths, seed in zip(self._paths, seeds, strict=True)
+            hold_out(len(dataset.positions), seed) & (parameters.patience > 0.0)
+            for dataset, seed in zip(datasets, seeds, strict=True)
         ]
         if not all(chosen.any() for chosen in held_out):
             held_out = [np.zeros_like(chosen) for chosen in held_out]
         self.held_out = [int(chosen.sum()) for chosen in held_out]
         self._sampler = self._make_sampler([~chosen for chosen in held_out], parameters)
-        self._judge: Batch | None = None
+        self._validation: Batch | None = None
         if self.held_out[0]:
-            plain = dataclasses.replace(parameters, batch=JUDGED, blending=0.0, even_spread=True)
-            self._judge = self._make_sampler(held_out, plain).draw()
+            plain = dataclasses.replace(parameters, batch=VALIDATION_SAMPLES, blending=0.0, even_spread=True)
+            self._validation = self._make_sampler(held_out, plain).sample()
         self._network = CnmpNetwork(
             features=self._features.shape[1],
+            positions=datasets[0].mean_path.shape[1],
             encoder=parameters.encoder,
             aggregation=parameters.aggregation,
             decoder=parameters.decoder,
             seeds=seeds,
         )
-        self._stopped: dict[int, CnmpNetwork] = {}
-        self._optimiser = torch.optim.AdamW(
+        self._stopped: dict[int, tuple[tuple[Layer, ...], tuple[Layer, ...]]] = {}
+        self._optimizer = torch.optim.AdamW(
             self._network.parameters(),
             lr=parameters.learning_rate,
             betas=(0.9, parameters.second_moment),
@@ -118,11 +114,11 @@ class Optimisation:
         )
 
     def run(self, *, deadline: float | None, progress: Progress | None, may_give_up: bool) -> None:
-        """Trains until the plan is done, every loss is below Lt, nothing improves or time is over.
+        """Trains until the plan is done, every loss is below Lt, no loss improves or time is over.
 
         Args:
-            deadline: By `time.perf_counter`; plans the iterations in place of the parameters'.
-            progress: Called some 200 times.
+            deadline: By `time.perf_counter`; determines the iterations in place of the parameters.
+            progress: Called about 200 times.
             may_give_up: Whether to stop at a quarter of the plan if all ignore observations.
 
         Raises:
@@ -132,20 +128,20 @@ class Optimisation:
         planned = total = p.iterations if deadline is None else self._plan(deadline)
         self.planned = planned
         every, check = max(1, planned // 200), max(1, planned // CHECKS)
-        # A mean over some 2,000 points, whatever the batch: one query's loss says little.
+        # A mean over about 2,000 points, whatever the batch, since the loss of one query varies.
         memory = max(10.0, 2_000.0 / (p.batch * p.queries))
         unit = 2.0 * np.log(self._scales)
-        running, best, best_at, begun = np.zeros(len(unit)), math.inf, 0, time.perf_counter()
-        lately = 0.0  # Sum over the iterations since progress was judged.
+        running, best, best_at, start = np.zeros(len(unit)), math.inf, 0, time.perf_counter()
+        recent = 0.0  # Sum over the iterations since the last check.
         for iteration in range(planned):
             fraction = iteration / total
-            for group in self._optimiser.param_groups:
-                group["lr"] = p.learning_rate * self._rate(fraction)
+            for group in self._optimizer.param_groups:
+                group["lr"] = p.learning_rate * self._learning_rate(fraction)
             nll = self._step(fraction) + unit
             if not np.isfinite(nll).all():
                 raise RunError(f"training diverged: the loss is {nll.sum()} after {iteration} iterations")
             running += (nll - running) / min(iteration + 1.0, memory)
-            lately += float(nll.mean())
+            recent += float(nll.mean())
             last = iteration + 1
             self._note(last, running, iteration % every == 0 or last == total)
             if progress is not None and (iteration % every == 0 or last == total):
@@ -160,16 +156,18 @@ class Optimisation:
                     return
             if deadline is not None and iteration % 10 == 9:
                 now = time.perf_counter()
-                left = int((deadline - now) * last / (now - begun))
+                left = int((deadline - now) * last / (now - start))
                 if last + left < 0.98 * total:
                     total = last + max(left, 0)
             if p.patience > 0.0 and iteration % check == check - 1:
-                judged = lately / check if self._judge is None else float((self._judged() + unit).mean())
-                lately = 0.0
-                if judged < best - LEAST_PROGRESS:
-                    best, best_at = judged, iteration
+                checked = recent / check
+                if self._validation is not None:
+                    checked = float((self._validate(self._validation) + unit).mean())
+                recent = 0.0
+                if checked < best - MIN_IMPROVEMENT:
+                    best, best_at = checked, iteration
                 elif iteration - best_at > p.patience * planned:
-                    total = min(total, last + int(CLOSING * planned))
+                    total = min(total, last + int(COOL_DOWN * planned))
                     best_at = planned
             if last >= total:
                 break
@@ -177,27 +175,28 @@ class Optimisation:
 
     def export(
         self,
-        index: int = 0,
+        index: int,
         *,
-        confidence_gain: float,
-        metadata: Mapping[str, Any],
-        doubtful: float | None = None,
+        confidence_gain: float = 1.0,
+        metadata: Mapping[str, Any] | None = None,
+        max_variance: float | None = None,
     ) -> CnmpLearner:
         """The learner at ``index`` as it is now.
 
         Args:
-            index: Which.
+            index: Of the learner.
             confidence_gain: K of eq. (1), in [1/m^2].
-            metadata: For its file.
-            doubtful: Variance that leaves hardly any confidence, in [m^2]; default: the demonstrations' own.
+            metadata: Of the learner.
+            max_variance: Variance of hardly any confidence, in [m^2], which distance from all demonstrations
+                adds; default: the variance of the demonstrations.
         """
         p, dataset = self.parameters, self.datasets[index]
-        noise = max(p.noise, LEAST_NOISE) * dataset.spread
-        doubt_gain = 0.0
+        noise = max(p.noise, MIN_NOISE) * dataset.spread
+        ood_gain = 0.0
         if p.doubt_within > 0.0:
-            doubt_gain = (doubtful or dataset.spread**2) / (p.doubt_within * noise) ** 2
-        encoder, decoder = self._network_of(index).export()
-        model = CnmpModel(
+            ood_gain = (max_variance or dataset.spread**2) / (p.doubt_within * noise) ** 2
+        encoder, decoder = self._stopped.get(index) or self._network.export(index)
+        return CnmpLearner(
             preset=p.preset,
             encoder=encoder,
             aggregation=p.aggregation,
@@ -210,45 +209,54 @@ class Optimisation:
             demonstrations=dataset.positions,
             weights=dataset.weights,
             doubt_reach=p.doubt_from * noise or dataset.spread,
-            doubt_gain=doubt_gain,
+            doubt_gain=ood_gain,
             confidence_gain=confidence_gain,
-            metadata=metadata,
+            metadata=metadata or {},
         )
-        return CnmpLearner(model)
+
+    def record(self, index: int) -> dict[str, Any]:
+        """The training of the learner at ``index``, as a JSON object."""
+        return {
+            "planned": self.planned,
+            "iterations": self.iterations[index],
+            "held_out": self.held_out[index],
+            "ignores_observations": self.ignores_observations[index],
+            "loss": self.losses[index],
+        }
 
     def _make_sampler(self, chosen: Sequence[NDArray[np.bool_]], parameters: TrainingParameters) -> Sampler:
-        lessons = []
+        tasks = []
         for index, dataset in enumerate(self.datasets):
             weights = dataset.weights[chosen[index]]
-            lessons.append(
-                Lesson(
-                    paths=self._paths[index][chosen[index]],
+            paths = (dataset.positions - self._references[index]) / self._scales[index]
+            tasks.append(
+                TaskData(
+                    paths=paths[chosen[index]],
                     weights=weights / weights.sum(),
                     unit=dataset.spread / self._scales[index],
                     seed=self.seeds[index],
                 )
             )
-        return Sampler(lessons, self._features, parameters)
+        return Sampler(tasks, self._features, parameters)
 
     def _step(self, fraction: float) -> NDArray[np.float64]:
-        """One iteration; of each learner the negative log-likelihood per point in normalised units."""
+        """One iteration; returns each learner's negative log-likelihood per point in normalized units."""
         p = self.parameters
         beta = 0.0 if fraction >= 1.0 - p.plain_share else p.beta
-        loss, nll = self._loss(self._sampler.draw(), beta)
-        self._optimiser.zero_grad(set_to_none=True)
-        loss.backward()
-        self._optimiser.step()
+        loss, nll = self._loss(self._sampler.sample(), beta)
+        self._optimizer.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        self._optimizer.step()
         return nll.double().numpy()
 
     def _loss(self, batch: Batch, beta: float) -> tuple[Tensor, Tensor]:
-        mean, spread = self._network(batch.observations, batch.owners, batch.queries)
-        return beta_nll(mean, spread + self._least_sigma, batch.truth, lean=batch.lean, beta=beta)
+        mean, spread = self._network(batch.observations, batch.sample_index, batch.queries)
+        return beta_nll(mean, spread + self._min_sigma, batch.truth, weights=batch.weights, beta=beta)
 
-    def _judged(self) -> NDArray[np.float64]:
-        """Negative log-likelihoods per point of what is held out, in normalised units."""
-        assert self._judge is not None
+    def _validate(self, batch: Batch) -> NDArray[np.float64]:
+        """Negative log-likelihoods per point of held-out demonstrations, in normalized units."""
         with torch.no_grad():
-            return self._loss(self._judge, 0.0)[1].double().numpy()
+            return self._loss(batch, 0.0)[1].double().numpy()
 
     def _note(self, iteration: int, running: NDArray[np.float64], with_loss: bool) -> None:
         for index, loss in enumerate(running.tolist()):
@@ -258,49 +266,42 @@ class Optimisation:
                     self.losses[index].append([iteration, round(loss, 4)])
 
     def _stop_below(self, threshold: float, running: NDArray[np.float64]) -> None:
-        """Keeps what those learners are now that have learnt enough; the others go on."""
+        """Keeps the present weights of learners whose loss is low enough; the others go on."""
         for index in np.flatnonzero(running <= threshold).tolist():
             if index not in self._stopped:
-                self._stopped[index] = self._network.only(index)
+                self._stopped[index] = self._network.export(index)
 
-    def _network_of(self, index: int) -> CnmpNetwork:
-        return self._stopped.get(index) or self._network.only(index)
-
-    def _rate(self, fraction: float) -> float:
+    def _learning_rate(self, fraction: float) -> float:
         """The learning rate, relative to its peak, after a fraction of the plan."""
         if self.parameters.schedule == "constant":
             return 1.0
-        if fraction < RISE:
-            return 0.05 + 0.95 * fraction / RISE
-        return 0.5 * (1.0 + math.cos(math.pi * (fraction - RISE) / (1.0 - RISE))) + 1e-4
+        if fraction < WARM_UP:
+            return 0.05 + 0.95 * fraction / WARM_UP
+        return 0.5 * (1.0 + math.cos(math.pi * (fraction - WARM_UP) / (1.0 - WARM_UP))) + 1e-4
 
     def _plan(self, deadline: float) -> int:
-        """How many iterations there is time for, found on a training that is then thrown away."""
-        trial = Optimisation(self.datasets, self.parameters, self.seeds)
+        """The number of iterations that there is time for, measured on a training that is thrown away."""
+        trial = Optimization(self.datasets, self.parameters, self.seeds)
         spent: list[float] = []
         begun = time.perf_counter()
         while len(spent) < 80 and (not spent or time.perf_counter() < begun + 0.05 * (deadline - begun)):
             start = time.perf_counter()
             trial._step(0.0)
             spent.append(time.perf_counter() - start)
-        # The first are slow, and a plan that is too long is cut; one that is too short wastes time.
+        # The first iterations are slow. A plan that is too long is cut; one that is too short wastes time.
         return max(1, int((deadline - time.perf_counter()) / float(np.percentile(spent, 25))))
 
     def _ignores(self) -> list[bool]:
-        """Whether each predicts the same whatever it is shown, where its demonstrations lie apart."""
-        return [self._ignored_by(index) for index in range(len(self.datasets))]
+        """Whether each predicts the same whatever it observes, where its demonstrations lie apart."""
+        return [self._ignores_at(index) for index in range(len(self.datasets))]
 
-    def _ignored_by(self, index: int) -> bool:
+    def _ignores_at(self, index: int) -> bool:
         dataset = self.datasets[index]
-        strays = np.square(dataset.positions - dataset.mean_path).mean(axis=(0, 2))
-        if len(dataset.positions) < 2 or strays.mean() < (0.01 * dataset.extent) ** 2:
-            return False  # There is nothing to tell apart.
-        step = int(strays.argmax())
-        paths = torch.tensor(self._paths[index], dtype=torch.float32)
-        shown = paths[:, step]
-        observations = torch.cat([self._features[step].expand(len(shown), -1), shown], dim=-1)
-        with torch.no_grad():
-            mean, _ = self._network_of(index)(observations[None], torch.arange(len(shown)), self._features)
-        said = float((mean[0] - mean[0].mean(dim=0)).square().mean())
-        there = float((paths - paths.mean(dim=0)).square().mean())
-        return said < 0.1 * there
+        deviations = np.square(dataset.positions - dataset.mean_path).mean(axis=(0, 2))
+        if len(dataset.positions) < 2 or deviations.mean() < (0.01 * dataset.extent) ** 2:
+            return False  # The demonstrations are all alike.
+        step = int(deviations.argmax())
+        learner, grid = self.export(index), dataset.grid
+        means = np.stack([learner.predict(grid[[step]], path[[step]], grid)[0] for path in dataset.positions])
+        predicted = np.square(means - means.mean(axis=0)).mean()
+        return bool(predicted < 0.1 * deviations.mean())

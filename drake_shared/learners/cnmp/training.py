@@ -7,7 +7,7 @@ import dataclasses
 import platform
 import time
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 import torch
@@ -17,150 +17,174 @@ from drake_shared.common.threads import single_threaded
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
 from drake_shared.learners.cnmp.learner import CnmpLearner
-from drake_shared.learners.cnmp.optimization import Optimisation, Progress
+from drake_shared.learners.cnmp.optimization import Optimization, Progress
 from drake_shared.learners.cnmp.parameters import TrainingParameters, find_parameters
 from drake_shared.learners.dataset import Dataset, data_record, make_dataset
 from drake_shared.learners.heap import kept_memory
 
 RESERVED = 0.05
-"""Share of the seconds given that is kept for what is not iterations: data, calibration."""
+"""Share of the seconds given that is reserved for what is not iterations: data, calibration."""
 SEED_STEP = 7919
-"""From one seed to that of the next attempt, so that neighbouring seeds share none."""
+"""Between the seeds of successive attempts, so that those of neighbouring seeds differ."""
+
+
+class Options(TypedDict, total=False):
+    """Options of trainings of CNMPs.
+
+    Attributes:
+        preset: "default" or "paper".
+        seconds: Limits the time and determines the iterations.
+        iterations: In place of the preset's.
+        progress: Called about 200 times.
+        duration: T, in [s]; default: that of the longest demonstration.
+        parameters: In place of the preset's.
+        begun: When the seconds began to count, by `time.perf_counter`; default: now.
+    """
+
+    preset: str
+    seconds: float | None
+    iterations: int | None
+    progress: Progress | None
+    duration: float | None
+    parameters: TrainingParameters | None
+    begun: float
 
 
 def train(
-    demonstrations: Demonstrations,
-    *,
-    preset: str = "default",
-    weighted: bool = True,
-    seed: int = 0,
-    seconds: float | None = None,
-    iterations: int | None = None,
-    progress: Progress | None = None,
-    duration: float | None = None,
-    parameters: TrainingParameters | None = None,
-    begun: float | None = None,
+    demonstrations: Demonstrations, *, weighted: bool = True, seed: int = 0, **options: Unpack[Options]
 ) -> CnmpLearner:
     """Trains a CNMP.
 
     The same demonstrations, parameters, seed and number of iterations give the same bits on the same kind of
-    processor. ``seconds`` decides how many iterations there are, so that the result depends on the machine's
-    speed; the training record says how many there were.
+    processor. With ``seconds`` the number of iterations depends on the speed of the machine; the training
+    record holds it.
 
     Args:
         demonstrations: At least one.
-        preset: "default" or "paper".
-        weighted: Whether scores, where all have one, decide which demonstrations are leant to.
-        seed: Of the network's first weights and of all that is drawn.
-        seconds: Bounds the time and plans the iterations.
-        iterations: In place of the preset's.
-        progress: Called now and then.
-        duration: T, in [s]; default: that of the longest demonstration.
-        parameters: In place of the preset's.
-        begun: When the seconds began to count, by `time.perf_counter`; default: now.
+        weighted: Whether scores, where all demonstrations have one, weight them.
+        seed: Of the network's initial weights and of all samples.
+        options: See `Options`.
 
     Raises:
-        InputError: An argument or a score is not what it must be.
+        InputError: An option or a score is invalid.
         RunError: The loss became NaN or infinite.
     """
-    (learner,) = train_together(
-        [demonstrations],
-        [seed],
-        preset=preset,
-        weighted=weighted,
-        seconds=seconds,
-        iterations=iterations,
-        progress=progress,
-        duration=duration,
-        parameters=parameters,
-        begun=begun,
-    )
+    (learner,) = train_together([demonstrations], [seed], weighted=weighted, **options)
     return learner
 
 
 def train_together(
-    taught: Sequence[Demonstrations],
+    tasks: Sequence[Demonstrations],
     seeds: Sequence[int],
     *,
-    preset: str = "default",
     weighted: bool | Sequence[bool] = True,
-    seconds: float | None = None,
-    iterations: int | None = None,
-    progress: Progress | None = None,
-    duration: float | None = None,
-    parameters: TrainingParameters | None = None,
-    begun: float | None = None,
+    **options: Unpack[Options],
 ) -> list[CnmpLearner]:
     """Trains a CNMP on each of several sets of demonstrations, in one batched computation.
 
-    What one becomes does not depend on its company, but for the rounding of batched products and for when
-    training is cut short where nothing improves any more, which is decided for all.
+    The result of one does not depend on the others, except for rounding in batched products and for when
+    training is cut short because no loss improves, which is decided for all.
 
     Args:
-        taught: Of each learner; all of one duration.
+        tasks: Demonstrations of each learner; all of one duration.
         seeds: Of each learner.
         weighted: As for `train`, for all or of each.
-
-    The other arguments, and what is raised, are those of `train`.
+        options: See `Options`; as for `train`, which also lists the errors.
     """
-    begun = time.perf_counter() if begun is None else begun
-    chosen = parameters or find_parameters(preset)
-    if iterations is not None:
-        chosen = dataclasses.replace(chosen, iterations=iterations)
-    check_options(chosen, seconds=seconds, seed=min(seeds))
-    lean = [weighted] * len(taught) if isinstance(weighted, bool) else list(weighted)
+    plan = Plan.make(seed=min(seeds), **options)
+    each = [weighted] * len(tasks) if isinstance(weighted, bool) else list(weighted)
     datasets = [
-        make_dataset(demonstrations, weighted=leans, duration=duration)
-        for demonstrations, leans in zip(taught, lean, strict=True)
+        make_dataset(demonstrations, weighted=own, duration=options.get("duration"))
+        for demonstrations, own in zip(tasks, each, strict=True)
     ]
-    deadline = None if seconds is None else begun + seconds * (1.0 - RESERVED)
     learners = []
-    with one_thread():
-        trained = fit(datasets, chosen, seeds, deadline=deadline, progress=progress)
-        for index, (run, place, restarts) in enumerate(trained):
-            metadata = training_metadata(taught[index], datasets[index], chosen)
+    with fast_training():
+        for index, (run, place, restarts) in enumerate(fit(datasets, plan, seeds)):
+            metadata = training_metadata(tasks[index], datasets[index], plan.parameters)
             record = metadata["training"]
-            record |= training_record(run, place)
+            record |= run.record(place)
             record |= {
-                "weighted": lean[index],
+                "weighted": each[index],
                 "seed": seeds[index],
                 "restarts": restarts,
-                "seconds_allowed": seconds,
-                "trained_together": len(taught),
+                "seconds_allowed": plan.seconds,
+                "trained_together": len(tasks),
             }
-            gain = calibrate(
-                run.export(place, confidence_gain=1.0, metadata=metadata),
-                taught[index],
-                resolution=0.5 * chosen.noise * datasets[index].spread,
+            resolution = 0.5 * plan.parameters.noise * datasets[index].spread
+            gain = calibrate(run.export(place), tasks[index], resolution=resolution)
+            record["seconds"] = plan.spent()
+            max_variance = 1.0 / (LEAST_CONFIDENCE * gain)
+            learners.append(
+                run.export(place, confidence_gain=gain, metadata=metadata, max_variance=max_variance)
             )
-            record["seconds"] = round(time.perf_counter() - begun, 3)
-            doubtful = 1.0 / (LEAST_CONFIDENCE * gain)
-            learners.append(run.export(place, confidence_gain=gain, metadata=metadata, doubtful=doubtful))
     return learners
 
 
-def fit(
-    datasets: Sequence[Dataset],
-    parameters: TrainingParameters,
-    seeds: Sequence[int],
-    *,
-    deadline: float | None,
-    progress: Progress | None,
-) -> list[tuple[Optimisation, int, int]]:
-    """Trains a network on each dataset; those that ignore what they are shown again from other seeds.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Plan:
+    """How long training lasts and how often it restarts.
+
+    Attributes:
+        parameters: Of the training.
+        begun: When it began, by `time.perf_counter`.
+        seconds: Its limit, if any.
+        progress: See `Options`.
+    """
+
+    parameters: TrainingParameters
+    begun: float
+    seconds: float | None
+    progress: Progress | None
+
+    @classmethod
+    def make(cls, *, seed: int, **options: Unpack[Options]) -> Plan:
+        """The plan that options describe.
+
+        Raises:
+            InputError: One is invalid.
+        """
+        unknown = set(options) - set(Options.__annotations__)
+        if unknown:
+            raise InputError("train", min(unknown), f"must be one of {', '.join(Options.__annotations__)}")
+        begun = options.get("begun", time.perf_counter())
+        parameters = options.get("parameters") or find_parameters(options.get("preset", "default"))
+        iterations, seconds = options.get("iterations"), options.get("seconds")
+        if iterations is not None:
+            parameters = dataclasses.replace(parameters, iterations=iterations)
+        if parameters.iterations < 1:
+            raise InputError("train", "iterations", "must be at least 1", parameters.iterations)
+        if seconds is not None and not (np.isfinite(seconds) and seconds > 0.0):
+            raise InputError("train", "seconds", "must be positive and finite", seconds)
+        if seed < 0:
+            raise InputError("train", "seed", "must be 0 or more", seed)
+        return cls(parameters=parameters, begun=begun, seconds=seconds, progress=options.get("progress"))
+
+    @property
+    def deadline(self) -> float | None:
+        """Of the iterations, by `time.perf_counter`."""
+        return None if self.seconds is None else self.begun + self.seconds * (1.0 - RESERVED)
+
+    def spent(self) -> float:
+        """Seconds since the beginning."""
+        return round(time.perf_counter() - self.begun, 3)
+
+
+def fit(datasets: Sequence[Dataset], plan: Plan, seeds: Sequence[int]) -> list[tuple[Optimization, int, int]]:
+    """Trains a network on each dataset; those that ignore observations are trained anew from other seeds.
 
     Returns:
-        Of each dataset the training, the place of its network there, and how often it was begun again.
+        For each dataset the training, the index of its network there, and the number of restarts.
     """
-    found: dict[int, tuple[Optimisation, int, int]] = {}
+    found: dict[int, tuple[Optimization, int, int]] = {}
     waiting = list(range(len(datasets)))
-    for restarts in range(parameters.restarts + 1):
-        run = Optimisation(
+    for restarts in range(plan.parameters.restarts + 1):
+        run = Optimization(
             [datasets[index] for index in waiting],
-            parameters,
+            plan.parameters,
             [seeds[index] + SEED_STEP * restarts for index in waiting],
         )
-        run.run(deadline=deadline, progress=progress, may_give_up=restarts < parameters.restarts)
+        may_give_up = restarts < plan.parameters.restarts
+        run.run(deadline=plan.deadline, progress=plan.progress, may_give_up=may_give_up)
         found |= {index: (run, place, restarts) for place, index in enumerate(waiting)}
         waiting = [index for place, index in enumerate(waiting) if run.ignores_observations[place]]
         if not waiting:
@@ -169,12 +193,12 @@ def fit(
 
 
 @contextlib.contextmanager
-def one_thread() -> Iterator[None]:
-    """How networks as small as these are trained quickly, with the same bits every time.
+def fast_training() -> Iterator[None]:
+    """Settings under which small networks train fast, and with the same bits every time.
 
-    A second thread makes it slower, and changes the bits. Units that are silent leave the optimiser with
-    moments that fade towards nothing, and numbers so small cost a processor a hundred times as much: they are
-    taken for zero.
+    A second thread makes training slower and changes the bits. Inactive units leave the optimizer with
+    moments that decay to denormal numbers, on which a processor is a hundred times slower: they are flushed
+    to zero.
     """
     torch.set_flush_denormal(True)
     try:
@@ -184,24 +208,10 @@ def one_thread() -> Iterator[None]:
         torch.set_flush_denormal(False)
 
 
-def check_options(parameters: TrainingParameters, *, seconds: float | None, seed: int) -> None:
-    """Refuses what no training can be done with.
-
-    Raises:
-        InputError: Says which option and what it must be.
-    """
-    if parameters.iterations < 1:
-        raise InputError("train", "iterations", "must be at least 1", parameters.iterations)
-    if seconds is not None and not (np.isfinite(seconds) and seconds > 0.0):
-        raise InputError("train", "seconds", "must be positive and finite", seconds)
-    if seed < 0:
-        raise InputError("train", "seed", "must be 0 or more", seed)
-
-
 def training_metadata(
     demonstrations: Demonstrations, dataset: Dataset, parameters: TrainingParameters
 ) -> dict[str, Any]:
-    """What a learner's file says of its scenario, of how it is to be used and of how it was trained."""
+    """Metadata of a learner: scenario, clock, evidence and training record."""
     record = {
         "parameters": parameters.to_json(),
         **data_record(demonstrations, dataset),
@@ -216,15 +226,4 @@ def training_metadata(
         "clock": parameters.clock,
         "evidence": parameters.evidence,
         "training": record,
-    }
-
-
-def training_record(run: Optimisation, place: int) -> dict[str, Any]:
-    """What happened in the training of one network."""
-    return {
-        "planned": run.planned,
-        "iterations": run.iterations[place],
-        "held_out": run.held_out[place],
-        "ignores_observations": run.ignores_observations[place],
-        "loss": run.losses[place],
     }

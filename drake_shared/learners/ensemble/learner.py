@@ -1,81 +1,59 @@
-"""An ensemble of CNMPs: what they disagree about is not known."""
+"""An ensemble of CNMPs as a predictor."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from drake_shared.learners.cnmp.file import cnmps_from_file, cnmps_to_file
+from drake_shared.learners.base import Array, Prediction
 from drake_shared.learners.cnmp.learner import CnmpLearner
-from drake_shared.learners.metadata_fields import number_of
+from drake_shared.learners.fields import Parts
+from drake_shared.learners.stored import StoredLearner
 
 
-class EnsembleLearner:
-    """Several CNMPs, taught the same from different seeds (Lakshminarayanan et al. 2017). A `Learner`.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EnsembleLearner(StoredLearner):
+    """Several CNMPs, trained alike from different seeds (Lakshminarayanan et al. 2017). A `Learner`.
 
-    The mean is the mean of theirs; the variance is the mean of theirs plus the variance of their means: where
-    demonstrations say little the members fill in each as it likes, and their disagreement shows it.
+    The mean is the mean of theirs; the variance is the mean of theirs plus the variance of their means, which
+    is large where demonstrations leave the prediction open.
 
-    Args:
+    Attributes:
         members: At least one, on one grid.
-        confidence_gain: K of eq. (1), in [1/m^2].
-        metadata: Whatever else its file says.
     """
 
-    name = "ensemble"
+    name: ClassVar[str] = "ensemble"
+    members: Annotated[tuple[CnmpLearner, ...], Parts(CnmpLearner)]
 
-    def __init__(
-        self, *, members: Sequence[CnmpLearner], confidence_gain: float, metadata: Mapping[str, Any]
-    ) -> None:
-        self.members = list(members)
-        first = self.members[0]
-        self.grid, self.duration, self.preset = first.grid, first.duration, first.preset
-        self.demonstrations = first.demonstrations
-        self.confidence_gain = confidence_gain
-        self.metadata = dict(metadata)
+    @property
+    def grid(self) -> Array:
+        """Shape (N,), in [s]."""
+        return self.members[0].grid
 
-    def predict(
-        self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean (Q, 2) in [m] and variance (Q, 2) in [m^2] at ``query_times`` (Q,); see `Learner`."""
-        said = [member.predict(times, positions, query_times) for member in self.members]
-        means = np.stack([mean for mean, _ in said])
-        within = np.mean([variance for _, variance in said], axis=0)
+    @property
+    def duration(self) -> float:
+        """T, in [s]."""
+        return self.members[0].duration
+
+    @property
+    def demonstrations(self) -> Array:
+        """Shape (m, N, D), in [m]."""
+        return self.members[0].demonstrations
+
+    def predict(self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike) -> Prediction:
+        """Mean (Q, D) in [m] and variance (Q, D) in [m^2] at ``query_times`` (Q,); see `Learner.predict`."""
+        predictions = [member.predict(times, positions, query_times) for member in self.members]
+        means = np.stack([mean for mean, _ in predictions])
+        within = np.mean([variance for _, variance in predictions], axis=0)
         return means.mean(axis=0), within + means.var(axis=0)
 
-    def to_file(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Tensors and description for `save_learner`."""
-        tensors, descriptions = cnmps_to_file([member.model for member in self.members], "member")
-        return tensors, {
-            **self.metadata,
-            "preset": self.preset,
-            "duration": self.duration,
-            "members": descriptions,
-        }
-
-    @classmethod
-    def from_file(
-        cls, path: Any, tensors: Mapping[str, NDArray[Any]], description: Mapping[str, Any]
-    ) -> EnsembleLearner:
-        """The learner of a file, for `load_learner`.
-
-        Raises:
-            InputError: Something in it does not fit.
-        """
-        models = cnmps_from_file(path, tensors, description, "member")
-        return cls(
-            members=[CnmpLearner(model) for model in models],
-            confidence_gain=number_of(path, description, "confidence_gain"),
-            metadata={name: value for name, value in description.items() if name != "members"},
-        )
-
-    def scaled(self, factor: float) -> EnsembleLearner:
-        """The same with the standard deviations of each member times ``factor``."""
-        return EnsembleLearner(
-            members=[member.scaled(factor) for member in self.members],
-            confidence_gain=self.confidence_gain,
-            metadata=self.metadata,
+    def scaled(self, factor: float, *, confidence_gain: float | None = None) -> EnsembleLearner:
+        """A copy with the standard deviations of each member times ``factor``, and K of its own if given."""
+        return replace(
+            self,
+            members=tuple(member.scaled(factor) for member in self.members),
+            confidence_gain=self.confidence_gain if confidence_gain is None else confidence_gain,
         )

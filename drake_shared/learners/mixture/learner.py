@@ -1,170 +1,134 @@
-"""A mixture of experts: one CNMP for each way that was demonstrated, and the odds of each."""
+"""A mixture of experts as a predictor: one CNMP for each route, and the probability of each."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from drake_shared.common.arrays import read_only
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations import Demonstrations
-from drake_shared.learners.calibration import calibrate
-from drake_shared.learners.cnmp.file import cnmps_from_file, cnmps_to_file
+from drake_shared.learners.base import Array, Prediction, check_query
 from drake_shared.learners.cnmp.learner import CnmpLearner
-from drake_shared.learners.metadata_fields import number_of, tensor_of
+from drake_shared.learners.fields import Content, Number, Parts, Tensor
 from drake_shared.learners.modes import Modes
+from drake_shared.learners.stored import StoredLearner
 
-# An expert less likely than this is not asked: it would change nothing that counts.
-_UNLIKELY = 1e-4
+# An expert less probable than this has no noticeable effect, and is not evaluated.
+_NEGLIGIBLE = 1e-4
 
 
-class MixtureLearner:
-    """Expert decoders with a gate, after CNEP (Yildirim and Ugur, arXiv 2402.08424). A `Learner`.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MixtureLearner(StoredLearner):
+    """Expert decoders with a gate, after CNEP (Yildirim and Ugur, arXiv 2402.08424). A `MultimodalLearner`.
 
-    Demonstrations are grouped by the way that they go, and each group teaches an expert. The gate is not
-    learnt but follows from Bayes' rule: the odds of a way are its share of the demonstrations times the
-    density of the positions shown, which is normal about the demonstrations of that way at that time, with
-    the noise that training puts on positions. So no way is forgotten for having a low score, and a position
-    between two ways speaks for both.
+    Demonstrations are grouped by route, and each group trains an expert. The gate is not learnt but follows
+    from Bayes' rule: a route's prior is its share of the demonstrations, and the likelihood of an observed
+    position is normal about the demonstrations of that route at that time, with the noise that training puts
+    on positions. So a low score excludes no route, and a position between two routes counts for both.
 
-    ``predict`` gives the mean and the total variance, within and between the ways; ``predict_modes`` the ways
-    as well.
-    In the mean the better ways weigh more, by the sampling weights Pd of their demonstrations.
+    `predict` returns the mean and the total variance, within and between the modes. In the mean the better
+    routes weigh more, by the sampling weights Pd of their demonstrations.
 
-    Args:
-        experts: A CNMP for each way, on one grid.
+    Attributes:
+        experts: A CNMP for each of C routes, on one grid.
         shares: Shape (C,), of the demonstrations, summing to 1.
-        leanings: Shape (C,), Pd of each way's demonstrations over their share; even without scores.
-        noise: Standard deviation of positions shown, in [m].
-        confidence_gain: K of eq. (1), in [1/m^2].
-        metadata: Whatever else its file says.
+        leanings: Shape (C,), weights of the routes in the mean: Pd of a route's demonstrations over its
+            share, 1 without scores.
+        noise: Standard deviation of observed positions, in [m].
     """
 
-    name = "mixture"
+    name: ClassVar[str] = "mixture"
+    experts: Annotated[tuple[CnmpLearner, ...], Parts(CnmpLearner)]
+    shares: Annotated[Array, Tensor("C")]
+    leanings: Annotated[Array, Tensor("C")]
+    noise: Annotated[float, Number()]
 
-    def __init__(
-        self,
-        *,
-        experts: Sequence[CnmpLearner],
-        shares: NDArray[np.float64],
-        leanings: NDArray[np.float64],
-        noise: float,
-        confidence_gain: float,
-        metadata: Mapping[str, Any],
-    ) -> None:
-        self.experts = list(experts)
-        self.grid = self.experts[0].grid
-        self.duration = self.experts[0].duration
-        self.demonstrations: NDArray[np.float64] | None = np.concatenate(
-            [np.asarray(expert.demonstrations) for expert in self.experts]
-        )
-        self.demonstrations.setflags(write=False)
-        self.confidence_gain = confidence_gain
-        self.metadata = dict(metadata)
-        self.preset = str(metadata.get("preset", "default"))
-        self._shares, self._leanings, self._noise = shares, leanings, noise
-        # Of each way at each time of the grid: where it is, shape (N, C), and how wide, in x and in y.
-        paths = [np.asarray(expert.demonstrations) for expert in self.experts]
-        self._centres = [
-            np.stack([path[:, :, axis].mean(axis=0) for path in paths], axis=1) for axis in (0, 1)
-        ]
-        self._widths = [
-            np.stack([path[:, :, axis].var(axis=0) for path in paths], axis=1) + noise**2 for axis in (0, 1)
-        ]
-        self._rate = (len(self.grid) - 1) / self.duration
+    @property
+    def grid(self) -> Array:
+        """Shape (N,), in [s]."""
+        return self.experts[0].grid
 
-    def predict(
-        self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean (Q, 2) in [m] and total variance (Q, 2) in [m^2] at ``query_times`` (Q,); see `Learner`."""
+    @property
+    def duration(self) -> float:
+        """T, in [s]."""
+        return self.experts[0].duration
+
+    @cached_property
+    def demonstrations(self) -> Array:
+        """Shape (m, N, D), in [m]; grouped by route."""
+        return read_only(np.concatenate([expert.demonstrations for expert in self.experts]))
+
+    def predict(self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike) -> Prediction:
+        """Mean (Q, D) in [m] and total variance (Q, D) in [m^2] at ``query_times`` (Q,); see `Learner`."""
         mean, variance, _ = self.predict_modes(times, positions, query_times)
         return mean, variance
 
     def predict_modes(
         self, times: ArrayLike, positions: ArrayLike, query_times: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Modes]:
-        """Mean and total variance as `predict` gives them, and the modes that they are of."""
-        seen_times = np.asarray(times, dtype=float)
-        seen = np.asarray(positions, dtype=float)
-        count = len(self.experts)
-        probability = self._odds(seen_times, seen)
-        size = np.size(query_times)
-        means = np.full((count, size, 2), math.nan)
-        variances = np.full((count, size, 2), math.nan)
-        leaning = probability * self._leanings
-        mean, variance = np.zeros((size, 2)), np.zeros((size, 2))
-        # What is no number leaves no way out, and makes the prediction none either.
-        asked = [index for index in range(count) if not probability[index] < _UNLIKELY]
-        for index in asked:
-            means[index], variances[index] = self.experts[index].predict(seen_times, seen, query_times)
-            mean += leaning[index] * means[index]
-        mean /= leaning[asked].sum()
-        for index in asked:
+    ) -> tuple[Array, Array, Modes]:
+        """Mean and total variance as `predict` returns them, and the modes that they summarize."""
+        size = self.demonstrations.shape[2]
+        seen_times, seen, queries = check_query(times, positions, query_times, size)
+        probability = self._probability(seen_times, seen)
+        weights = probability * self.leanings
+        means = np.full((len(self.experts), len(queries), size), math.nan)
+        variances = np.full_like(means, math.nan)
+        mean, variance = np.zeros((len(queries), size)), np.zeros((len(queries), size))
+        # NaN passes: then all experts are evaluated, and the prediction is NaN.
+        used = [index for index, value in enumerate(probability) if not value < _NEGLIGIBLE]
+        for index in used:
+            means[index], variances[index] = self.experts[index].predict(seen_times, seen, queries)
+            mean += weights[index] * means[index]
+        mean /= weights[used].sum()
+        for index in used:
             variance += probability[index] * (variances[index] + np.square(means[index] - mean))
-        variance /= probability[asked].sum()
-        modes = Modes(probability=probability, mean=means, variance=variances, aim=int(np.argmax(leaning)))
+        variance /= probability[used].sum()
+        modes = Modes(probability=probability, mean=means, variance=variances, aim=int(np.argmax(weights)))
         return mean, variance, modes
 
-    def to_file(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Tensors and description for `save_learner`."""
-        tensors, descriptions = cnmps_to_file([expert.model for expert in self.experts], "expert")
-        tensors |= {"shares": self._shares, "leanings": self._leanings}
-        numbers = {"noise": self._noise, "duration": self.duration, "preset": self.preset}
-        return tensors, {**self.metadata, **numbers, "experts": descriptions}
+    def scaled(self, factor: float, *, confidence_gain: float | None = None) -> MixtureLearner:
+        """A copy with the standard deviations within modes times ``factor``, and K of its own if given."""
+        return replace(
+            self,
+            experts=tuple(expert.scaled(factor) for expert in self.experts),
+            confidence_gain=self.confidence_gain if confidence_gain is None else confidence_gain,
+        )
 
     @classmethod
-    def from_file(
-        cls, path: Any, tensors: Mapping[str, NDArray[Any]], description: Mapping[str, Any]
-    ) -> MixtureLearner:
-        """The learner of a file, for `load_learner`.
+    def _read(cls, content: Content) -> dict[str, Any]:
+        values = super()._read(content)
+        if np.any(values["shares"] <= 0) or np.any(values["leanings"] <= 0):
+            raise InputError(content.path, "shares, leanings", "must be above 0")
+        return values
 
-        Raises:
-            InputError: Something in it does not fit.
-        """
-        experts = [CnmpLearner(model) for model in cnmps_from_file(path, tensors, description, "expert")]
-        shares = tensor_of(path, tensors, "shares", (len(experts),))
-        leanings = tensor_of(path, tensors, "leanings", (len(experts),))
-        if np.any(shares <= 0) or np.any(leanings <= 0):
-            raise InputError(path, "shares, leanings", "must be above 0")
-        return cls(
-            experts=experts,
-            shares=shares,
-            leanings=leanings,
-            noise=number_of(path, description, "noise"),
-            confidence_gain=number_of(path, description, "confidence_gain"),
-            metadata={name: value for name, value in description.items() if name != "experts"},
-        )
-
-    def scaled(self, factor: float) -> MixtureLearner:
-        """The same with the standard deviations within each way times ``factor``."""
-        return MixtureLearner(
-            experts=[expert.scaled(factor) for expert in self.experts],
-            shares=self._shares,
-            leanings=self._leanings,
-            noise=self._noise,
-            confidence_gain=self.confidence_gain,
-            metadata=self.metadata,
-        )
-
-    def calibrated(self, demonstrations: Demonstrations) -> MixtureLearner:
-        """The same with K found anew by `calibrate`."""
-        self.confidence_gain = calibrate(self, demonstrations, resolution=self._noise)
-        return self
-
-    def _odds(self, times: NDArray[np.float64], positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How likely each way is after the positions (n, 2) seen at ``times`` (n,): shape (C,)."""
-        logs = np.log(self._shares)
+    def _probability(self, times: Array, positions: Array) -> Array:
+        """The probability of each route after positions (n, D) observed at ``times`` (n,): shape (C,)."""
+        logs = np.log(self.shares)
+        rate = (len(self.grid) - 1) / self.duration
         for time, position in zip(times.tolist(), positions.tolist(), strict=True):
-            if not math.isfinite(time + position[0] + position[1]):
+            if not math.isfinite(time + sum(position)):
                 return np.full(len(logs), math.nan)
-            step = round(min(max(time, 0.0), self.duration) * self._rate)
-            for axis in (0, 1):
-                width = self._widths[axis][step]
-                logs = logs - 0.5 * (
-                    (position[axis] - self._centres[axis][step]) ** 2 / width + np.log(width)
-                )
-        odds = np.exp(logs - logs.max())
-        return odds / odds.sum()
+            step = round(min(max(time, 0.0), self.duration) * rate)
+            for x, centers, widths in zip(position, *self._routes, strict=True):
+                logs = logs - 0.5 * ((x - centers[step]) ** 2 / widths[step] + np.log(widths[step]))
+        odds: Array = np.exp(logs - logs.max())
+        odds /= odds.sum()
+        return odds
+
+    @cached_property
+    def _routes(self) -> tuple[list[Array], list[Array]]:
+        """Of each coordinate, center and variance of each route at each time of the grid, shape (N, C)."""
+        paths = [expert.demonstrations for expert in self.experts]
+        axes = range(paths[0].shape[2])
+        return (
+            [np.stack([path[:, :, axis].mean(axis=0) for path in paths], axis=1) for axis in axes],
+            [
+                np.stack([path[:, :, axis].var(axis=0) for path in paths], axis=1) + self.noise**2
+                for axis in axes
+            ],
+        )

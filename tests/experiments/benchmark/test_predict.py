@@ -28,7 +28,7 @@ def test_contender_predicts_what_the_learner_does(learner, make, first):
         pytest.importorskip("onnx")
         pytest.importorskip("onnxruntime")
         pytest.importorskip("onnxscript")
-    contender = Predictor(learner.model, first, make)
+    contender = Predictor(learner, first, make)
     for demonstration in learner.demonstrations:
         # On a demonstration no variance for unfamiliar positions is added.
         time, position = learner.grid[first], demonstration[first]
@@ -39,7 +39,7 @@ def test_contender_predicts_what_the_learner_does(learner, make, first):
 
 
 def test_precomputing_the_time_part_leaves_one_row_in_the_first_product_of_the_decoder(learner):
-    model = learner.model
+    model = learner
     kept, published = (matrix_shapes(model, 0, precompute=precompute) for precompute in (True, False))
     encoder = [(1, *weights.shape) for weights, _ in model.encoder]
     decoder = [(COUNT, *weights.shape) for weights, _ in model.decoder]

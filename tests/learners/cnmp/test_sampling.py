@@ -1,4 +1,4 @@
-"""What training is shown: lines 6 to 9 of Alg. 1."""
+"""The samples of training: lines 6 to 9 of Alg. 1."""
 
 import dataclasses
 
@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from drake_shared.learners import PRESETS
-from drake_shared.learners.augmentation import wander_basis
-from drake_shared.learners.cnmp.sampling import Batch, Lesson, Sampler
+from drake_shared.learners.augmentation import low_frequency_basis
+from drake_shared.learners.cnmp.sampling import Batch, Sampler, TaskData
 
 STEPS = 11
 # Demonstration d is at (d, step) at each step, so that a position tells which it is.
@@ -19,12 +19,12 @@ WEIGHTS = np.array([0.6, 0.3, 0.1])
 
 def sampler(preset: str, seeds=(2,), **changes) -> Sampler:
     parameters = dataclasses.replace(PRESETS[preset], **changes)
-    lessons = [Lesson(paths=PATHS, weights=WEIGHTS, unit=1.0, seed=seed) for seed in seeds]
-    return Sampler(lessons, FEATURES, parameters)
+    tasks = [TaskData(paths=PATHS, weights=WEIGHTS, unit=1.0, seed=seed) for seed in seeds]
+    return Sampler(tasks, FEATURES, parameters)
 
 
 def draws(made: Sampler, count: int) -> list[Batch]:
-    return [made.draw() for _ in range(count)]
+    return [made.sample() for _ in range(count)]
 
 
 def test_the_paper_draws_one_demonstration_by_pd_and_one_query():
@@ -32,7 +32,7 @@ def test_the_paper_draws_one_demonstration_by_pd_and_one_query():
     assert all(batch.truth.shape == (1, 1, 1, 2) for batch in batches)
     chosen = np.array([int(batch.truth[0, 0, 0, 0]) for batch in batches])
     np.testing.assert_allclose(np.bincount(chosen) / 3_000, WEIGHTS, atol=0.03)
-    assert all((batch.lean == 1.0).all() for batch in batches)
+    assert all((batch.weights == 1.0).all() for batch in batches)
 
 
 def test_the_paper_shows_1_to_m_points_as_they_are():
@@ -47,15 +47,15 @@ def test_the_paper_shows_1_to_m_points_as_they_are():
 
 
 def test_the_default_draws_evenly_and_leans_by_weight():
-    batch = sampler("default", batch=6_000, noise=0.0, blending=0.0).draw()
+    batch = sampler("default", batch=6_000, noise=0.0, blending=0.0).sample()
     chosen = batch.truth[0, :, 0, 0].int().numpy()
     np.testing.assert_allclose(np.bincount(chosen) / 6_000, 1 / 3, atol=0.03)
-    np.testing.assert_allclose(batch.lean[0, :, 0, 0], 3.0 * WEIGHTS[chosen], rtol=1e-6)
+    np.testing.assert_allclose(batch.weights[0, :, 0, 0], 3.0 * WEIGHTS[chosen], rtol=1e-6)
 
 
 def test_the_share_with_one_observation_is_kept():
-    batch = sampler("default", batch=1_000, single_share=0.4, observations=5).draw()
-    counts = torch.bincount(batch.owners)
+    batch = sampler("default", batch=1_000, single_share=0.4, observations=5).sample()
+    counts = torch.bincount(batch.sample_index)
     assert len(counts) == 1_000
     assert (counts[:400] == 1).all()
     assert counts.min() == 1
@@ -63,7 +63,7 @@ def test_the_share_with_one_observation_is_kept():
 
 
 def test_noise_moves_what_is_seen_and_not_what_is_asked():
-    batch = sampler("default", batch=5_000, noise=0.1, blending=0.0).draw()
+    batch = sampler("default", batch=5_000, noise=0.1, blending=0.0).sample()
     offsets = batch.observations[0, :, 2] - batch.observations[0, :, 0]
     assert offsets.std().item() == pytest.approx(0.1, rel=0.05)
     assert (batch.truth[0, :, :, 1] == batch.queries[:, 0]).all()
@@ -87,9 +87,9 @@ def test_what_a_learner_is_shown_does_not_depend_on_its_company():
 def test_what_demonstrations_cannot_tell_of_a_way_is_less_the_more_there_are(copies, share):
     parameters = dataclasses.replace(PRESETS["default"], batch=4_000, noise=0.0, wandering=0.2)
     paths = np.concatenate([PATHS[:1]] * copies)
-    lesson = Lesson(paths=paths, weights=np.full(copies, 1 / copies), unit=1.0, seed=2)
-    batch = Sampler([lesson], FEATURES, parameters).draw()
+    task = TaskData(paths=paths, weights=np.full(copies, 1 / copies), unit=1.0, seed=2)
+    batch = Sampler([task], FEATURES, parameters).sample()
     strays = batch.truth[0, :, :, 0]
     asked = batch.queries[:, 0].long().numpy()
-    expected = 0.04 * share * np.square(wander_basis(STEPS)).sum(axis=0)[asked]
+    expected = 0.04 * share * np.square(low_frequency_basis(STEPS)).sum(axis=0)[asked]
     np.testing.assert_allclose(strays.var(dim=0), expected, rtol=0.1, atol=1e-6)
