@@ -30,8 +30,9 @@ def usage_error() -> Iterator[None]:
 
 
 def _as_input_error(box: str) -> InputError:
-    lines = [line.strip(" │╭╮╰╯") for line in box.splitlines()[1:]]
-    lines = [line for line in lines if line.strip("─")]
+    # The frame of the box is drawn in ASCII where the terminal knows no more.
+    lines = [line.strip(" │╭╮╰╯|+") for line in box.splitlines()[1:]]
+    lines = [line for line in lines if line.strip("─-")]
     problem: list[str] = []
     likely = ""
     for line in lines:

@@ -1,4 +1,4 @@
-"""A channel that is slow, loses samples, freezes or garbles what it carries."""
+"""Channel faults: delay, jitter, loss, freezing and NaN."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ import math
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
+
 
 class ChannelFault(LeafSystem):
-    """Passes a vector on as a bad channel does.
+    """Delays, loses, freezes or corrupts the samples of a vector.
 
     .. pydrake_system::
 
@@ -21,8 +23,8 @@ class ChannelFault(LeafSystem):
         - received
 
     Inputs:
-        sent (size): One sample a period; state of whoever sends it.
-        chance (3): Samples spread evenly over [0, 1), fresh ones each period, as from a RandomSource.
+        sent (size): One sample a period, which must be state of its sender.
+        chance (3): Uniform samples over [0, 1), fresh ones each period, as from a RandomSource.
 
     Outputs:
         received (size): The newest sample that has arrived; zero before the first. Feeds through.
@@ -30,18 +32,21 @@ class ChannelFault(LeafSystem):
     A sample that arrives after a newer one is dropped. While nothing arrives, the last one is held.
 
     State:
-        drawn (3): What chance says of the sample that is sent now. The first is never lost nor garbled.
-        past (n, 1 + size): When each of the last samples arrives, in [s], and the samples, the newest first.
-        held (size): The last that was received.
+        drawn (3): The uniform samples of this period: loss, jitter, NaN. The first sample is never lost.
+        past (n, 1 + size): Arrival times of the last samples, in [s], and the samples, the newest first.
+        held (size): The last sample received.
 
     Args:
         delay: Of every sample, in [s].
-        jitter: Further delay, spread evenly from 0 to this, in [s].
-        loss: Share of samples that never arrive.
-        freeze_time, freeze: When nothing arrives any more, and for how long, in [s].
-        nan: Share of steps in which NaN is received.
+        jitter: Further delay, uniform from 0 to this, in [s].
+        loss: Share of samples that are lost, from 0 to 1.
+        freeze_time, freeze: Time from which nothing arrives, and for how long, in [s].
+        nan: Share of steps in which NaN is received, from 0 to 1.
         size: Of the vector.
         period: Between samples, in [s].
+
+    Raises:
+        InputError: ``period`` is not positive and finite.
     """
 
     def __init__(
@@ -58,7 +63,7 @@ class ChannelFault(LeafSystem):
     ) -> None:
         super().__init__()
         self._delay, self._jitter, self._loss, self._nan = delay, jitter, loss, nan
-        # Times of steps are sums of rounded numbers: none may fall on the wrong side of a bound.
+        # Times of steps are sums with rounding errors, which must not move one past a bound.
         self._slack = 1e-6 * period
         self._frozen = (freeze_time - self._slack, freeze_time + freeze - self._slack)
         self._shape = (math.ceil((delay + jitter) / period - 1e-6), 1 + size)
@@ -78,22 +83,22 @@ class ChannelFault(LeafSystem):
                 self.input_port_ticket(self._sent_port.get_index()),
             },
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        DeclareDiscreteUpdate(self, period=period, update=self._update)
 
     def _now(self, context: Context) -> np.ndarray:
-        """Shape (n + 1, 1 + size): the sample sent now, with its arrival, before those of the past."""
+        """Shape (n + 1, 1 + size): arrival time and sample, the one sent now before those of the past."""
         lost, late, _ = context.get_discrete_state(self._drawn_index).value().tolist()
         arrival = context.get_time() + self._delay + late * self._jitter if lost >= self._loss else math.inf
         past = context.get_discrete_state(self._past_index).value().reshape(self._shape)
         return np.vstack(([arrival, *self._sent_port.Eval(context).tolist()], past))
 
     def _arrived(self, context: Context, samples: np.ndarray) -> np.ndarray:
-        """Shape (size,): the newest sample that is there, whatever NaN does to it."""
+        """Shape (size,): the newest sample that has arrived, before it is corrupted."""
         now = context.get_time()
         if not self._frozen[0] <= now < self._frozen[1]:
-            there = np.flatnonzero(samples[:, 0] <= now + self._slack)
-            if there.size:
-                return samples[there[0], 1:]
+            arrived = np.flatnonzero(samples[:, 0] <= now + self._slack)
+            if arrived.size:
+                return samples[arrived[0], 1:]
         return context.get_discrete_state(self._held_index).value()
 
     def _calc_received(self, context: Context, output: BasicVector) -> None:

@@ -1,4 +1,4 @@
-"""A learner that answers late, or says nothing of use."""
+"""Delays or corrupts the learner's output."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, State
 
 from drake_shared.robots import DiffDrive, Robot
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
 from drake_shared.systems.intention import Intention, empty_intention
 
 
 class LearnerFault(LeafSystem):
-    """Passes what the estimator says on late, or NaN in its place.
+    """Delays the estimator's outputs, or replaces them by NaN.
 
     .. pydrake_system::
 
@@ -28,21 +29,21 @@ class LearnerFault(LeafSystem):
         - late_confidence
 
     Inputs:
-        intention: :class:`~drake_shared.systems.intention_estimator.Intention`.
-        confidence (1): c_f, in [0, 1].
-        chance (1): Samples spread evenly over [0, 1), fresh ones each period, as from a RandomSource.
+        intention: :class:`~drake_shared.systems.intention.Intention`.
+        confidence (1): c_f, from 0 to 1.
+        chance (1): Uniform samples over [0, 1), fresh ones each period, as from a RandomSource.
 
     Outputs:
         late_intention, late_confidence: The newest that have arrived, or NaN; NaN and 0 before the first.
-            Feed through where nothing is late.
+            They feed through where there is no delay.
 
     State:
-        past: What was said, and when, of the steps that are still on their way.
-        drawn (1): What chance says of this step. The first is never NaN.
+        past: Intentions and confidences that are not yet due, by step.
+        drawn (1): The uniform sample of this step. The first step is never NaN.
 
     Args:
         delay: In [s]; rounded up to whole periods.
-        nan: Share of steps in which NaN arrives.
+        nan: Share of steps with NaN, from 0 to 1.
         robot: States the size of a position; the Pioneer if None.
         period: Of the control step, in [s].
     """
@@ -71,7 +72,8 @@ class LearnerFault(LeafSystem):
         self.DeclareVectorOutputPort("late_confidence", 1, self._calc_confidence, prerequisites)
         if self._steps:
             self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._remember)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+            self.DeclareForcedUnrestrictedUpdateEvent(self._remember)
+        DeclareDiscreteUpdate(self, period=period, update=self._update)
 
     def _step(self, context: Context) -> int:
         return round(context.get_time() / self._period)
@@ -80,11 +82,11 @@ class LearnerFault(LeafSystem):
         return context.get_discrete_state(self._drawn_index)[0] < self._nan
 
     def _arrived(self, context: Context) -> tuple[Intention, float]:
-        # By the time it was said, not by its place: the update of this very step, which comes between the log
-        # and the plant, must not change what both are given.
+        # Selected by step, not by place: the update of this step, which runs between log and plant, must not
+        # change what they receive.
         past: _Past = context.get_abstract_state(self._past_index).get_value()
         due = self._step(context) - self._steps
-        for step, intention, confidence in reversed(past.said):
+        for step, intention, confidence in reversed(past.items):
             if step <= due:
                 return intention, confidence
         return self._empty, 0.0
@@ -105,13 +107,13 @@ class LearnerFault(LeafSystem):
 
     def _remember(self, context: Context, state: State) -> None:
         past: _Past = context.get_abstract_state(self._past_index).get_value()
-        said = (
+        item = (
             self._step(context),
             self._intention_port.Eval(context),
-            self._confidence_port.Eval(context)[0],
+            self._confidence_port.Eval(context).item(),
         )
-        kept = past.said[-self._steps :]
-        state.get_mutable_abstract_state(self._past_index).set_value(_Past(said=(*kept, said)))
+        kept = past.items[-self._steps :]
+        state.get_mutable_abstract_state(self._past_index).set_value(_Past(items=(*kept, item)))
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         state.set_value(self._drawn_index, self._chance_port.Eval(context))
@@ -119,10 +121,10 @@ class LearnerFault(LeafSystem):
 
 @dataclasses.dataclass(frozen=True)
 class _Past:
-    """Steps with the intention and the confidence of each, the newest last."""
+    """Step, intention and confidence of each item, the newest last."""
 
-    said: tuple[tuple[int, Intention, float], ...] = ()
+    items: tuple[tuple[int, Intention, float], ...] = ()
 
-    def __deepcopy__(self, memo: dict) -> _Past:
-        # Frozen, and Drake copies abstract state in every update.
+    def __deepcopy__(self, memo: dict[int, object]) -> _Past:
+        # Immutable, and Drake copies abstract state in every update.
         return self

@@ -4,13 +4,16 @@ import re
 
 import numpy as np
 import pytest
+from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, DiscreteStateIndex, LeafSystem
 
+from drake_shared.common.errors import InputError
 from drake_shared.robots.motion import motion, speeds_after
-from drake_shared.simulation.config import config_for
+from drake_shared.simulation.config import SharedControlConfig, config_for
 from drake_shared.simulation.diagram import LOG_COLUMNS, AddSharedControl, MakeSharedControlDiagram
 from drake_shared.simulation.trial import Simulation, TrialSettings
+from drake_shared.systems.intention import empty_intention
 from drake_shared.systems.recorded_input import RecordedInput
 
 NAMES = (
@@ -223,3 +226,111 @@ def test_meshcat_adds_the_looks_and_the_visualizer_and_changes_no_bit(open_floor
         np.testing.assert_array_equal(trial[name], values)
     assert meshcat.HasPath("/drake/intention/path/0/mean")
     assert meshcat.HasPath("/drake/scene/robot")
+
+
+class Plant(LeafSystem):
+    """A plant of someone's own: x is the sum of the left commands."""
+
+    def __init__(self):
+        super().__init__()
+        command = self.DeclareVectorInputPort("wheel_command", 2)
+        pose, speed = self.DeclareDiscreteState(3), self.DeclareDiscreteState(2)
+        self.DeclareStateOutputPort("pose", pose)
+        self.DeclareStateOutputPort("wheel_speed", speed)
+
+        def update(context, state):
+            pose = context.get_discrete_state(0).value()
+            state.set_value(0, [pose[0] + 0.01 * command.Eval(context)[0], 0.0, 0.0])
+            state.set_value(1, command.Eval(context))
+
+        self.DeclarePeriodicDiscreteUpdateEvent(0.05, 0.0, update)
+
+
+class Steady(LeafSystem):
+    """A controller of someone's own, which always gives the same command."""
+
+    def __init__(self):
+        super().__init__()
+        self.DeclareVectorInputPort("pose", 3)
+        self.DeclareAbstractInputPort("intention", Value(empty_intention(2)))
+        self.DeclareVectorOutputPort("autonomous_command", 2, lambda _, out: out.set_value([2.0, 2.0]))
+
+
+class Curious(Mute):
+    """An operator with an input that the loop does not have."""
+
+    def __init__(self):
+        super().__init__()
+        self.DeclareVectorInputPort("lidar", 8)
+
+
+def test_takes_a_plant_and_a_controller(open_floor, route_learner):
+    simulation = Simulation(
+        open_floor,
+        learner=route_learner(open_floor),
+        operator=Mute(),
+        plant=Plant(),
+        controller=Steady(),
+        config=SharedControlConfig(arbitration="halves"),
+    )
+    trial = simulation.run(TrialSettings())
+    np.testing.assert_array_equal(trial.commands("autonomous"), 2.0)
+    np.testing.assert_allclose(np.diff(trial["x"]), 0.01 * trial["shared_left"][:-1])
+    np.testing.assert_array_equal(trial["clearance"], np.inf)
+    assert not trial["contact"].any()
+
+
+@pytest.mark.parametrize(
+    ("role", "system", "port"),
+    [
+        ("plant", Mute(), "wheel_command"),
+        ("controller", Mute(), "pose"),
+        ("operator", Plant(), "human_command"),
+        ("operator", Curious(), "lidar"),
+        ("arbiter", Mute(), "human_command"),
+    ],
+)
+def test_a_system_with_the_wrong_ports_is_refused_by_name(scenario, role, system, port):
+    with pytest.raises(InputError, match=rf"{role}.*{type(system).__name__}.*{port}"):
+        MakeSharedControlDiagram(scenario, **{role: system})
+
+
+def test_two_loops_fit_in_one_builder_under_two_prefixes(scenario, route_learner):
+    builder = DiagramBuilder()
+    loops = {
+        prefix: AddSharedControl(
+            builder,
+            scenario=scenario,
+            learner=route_learner(scenario),
+            config=SharedControlConfig(driver=driver),
+            prefix=prefix,
+        )
+        for prefix, driver in (("left_", "human"), ("right_", "agent"))
+    }
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(1.0)
+    weights = [parts.log_sink.FindLog(simulator.get_context()).data()[12] for parts in loops.values()]
+    assert loops["left_"].columns[12] == "human_weight"
+    np.testing.assert_array_equal(weights[0], 1.0)
+    np.testing.assert_array_equal(weights[1][1:], 0.0)
+
+
+def test_two_loops_of_the_same_names_are_refused(scenario):
+    builder = DiagramBuilder()
+    AddSharedControl(builder, scenario=scenario)
+    with pytest.raises(InputError, match="prefix"):
+        AddSharedControl(builder, scenario=scenario)
+
+
+def test_the_diagram_exports_what_happens_in_the_loop(scenario, route_learner):
+    diagram = MakeSharedControlDiagram(scenario, learner=route_learner(scenario))
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(2.0)
+    values = {
+        name: diagram.GetOutputPort(name).Eval(simulator.get_context())
+        for name in ("pose", "human_command", "autonomous_command", "shared_command", "human_weight")
+    }
+    assert values["pose"][0] > 0.1
+    weight = values["human_weight"].item()
+    blend = weight * values["human_command"] + (1 - weight) * values["autonomous_command"]
+    np.testing.assert_allclose(values["shared_command"], blend)
