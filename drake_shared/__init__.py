@@ -56,15 +56,16 @@ if TYPE_CHECKING:
     )
     from drake_shared.simulation.config import (
         SharedControlConfig as SharedControlConfig,
+        config_for as config_for,
         config_of_log as config_of_log,
         load_config as load_config,
     )
     from drake_shared.simulation.diagram import (
         AddSharedControl as AddSharedControl,
         MakeSharedControlDiagram as MakeSharedControlDiagram,
-        SharedControl as SharedControl,
     )
     from drake_shared.simulation.faults import Faults as Faults
+    from drake_shared.simulation.shared_control import SharedControl as SharedControl
     from drake_shared.simulation.teaching import teach as teach
     from drake_shared.simulation.trial import (
         Simulation as Simulation,
@@ -74,6 +75,7 @@ if TYPE_CHECKING:
         run_trial as run_trial,
         write_log as write_log,
     )
+    from drake_shared.systems.arbiter import Arbiter as Arbiter
     from drake_shared.systems.arbiters import arbiter_names as arbiter_names, make_arbiter as make_arbiter
     from drake_shared.systems.confidence_blender import ConfidenceBlender as ConfidenceBlender
     from drake_shared.systems.diff_drive_plant import DiffDrivePlant as DiffDrivePlant
@@ -95,6 +97,7 @@ if TYPE_CHECKING:
 # A name is imported when it is first used (PEP 562), so that a learner loads without Drake.
 _MODULES = {
     "AddSharedControl": "drake_shared.simulation.diagram",
+    "Arbiter": "drake_shared.systems.arbiter",
     "Authority": "drake_shared.arbitration.authority",
     "Behaviour": "drake_shared.systems.surrogate_operator",
     "Box": "drake_shared.scenario",
@@ -127,7 +130,7 @@ _MODULES = {
     "SafetyFilter": "drake_shared.systems.safety_filter",
     "Scenario": "drake_shared.scenario",
     "Session": "drake_shared.cockpit",
-    "SharedControl": "drake_shared.simulation.diagram",
+    "SharedControl": "drake_shared.simulation.shared_control",
     "SharedControlConfig": "drake_shared.simulation.config",
     "Simulation": "drake_shared.simulation.trial",
     "Start": "drake_shared.scenario",
@@ -138,6 +141,7 @@ _MODULES = {
     "Workspace": "drake_shared.scenario",
     "arbiter_names": "drake_shared.systems.arbiters",
     "calibrate": "drake_shared.learners",
+    "config_for": "drake_shared.simulation.config",
     "config_of_log": "drake_shared.simulation.config",
     "drive": "drake_shared.cockpit",
     "load_config": "drake_shared.simulation.config",

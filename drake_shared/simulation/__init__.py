@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from drake_shared.simulation.diagram import (
         AddSharedControl as AddSharedControl,
         MakeSharedControlDiagram as MakeSharedControlDiagram,
-        SharedControl as SharedControl,
     )
     from drake_shared.simulation.faults import Faults as Faults
     from drake_shared.simulation.log import (
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
         TrialSettings as TrialSettings,
         settings_of_log as settings_of_log,
     )
+    from drake_shared.simulation.shared_control import SharedControl as SharedControl
     from drake_shared.simulation.teaching import teach as teach
     from drake_shared.simulation.trial import (
         RunningTrial as RunningTrial,
@@ -41,7 +41,7 @@ _MODULES = {
     "Faults": "faults",
     "MakeSharedControlDiagram": "diagram",
     "RunningTrial": "trial",
-    "SharedControl": "diagram",
+    "SharedControl": "shared_control",
     "SharedControlConfig": "config",
     "Simulation": "trial",
     "Trial": "log",

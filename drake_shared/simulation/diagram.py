@@ -7,16 +7,13 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
-from drake_shared.robots import DiffDrive, Robot
+from drake_shared.robots import Robot
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig, config_for
-from drake_shared.simulation.log import log_columns
 from drake_shared.simulation.shared_control import SharedControl
 from drake_shared.simulation.wiring import Wiring
 from drake_shared.systems.operators import check_operator_inputs
 from drake_shared.systems.surrogate_operator import SurrogateOperator
-
-LOG_COLUMNS = log_columns(DiffDrive())
 
 
 def AddSharedControl(

@@ -23,9 +23,10 @@ from drake_shared.learners import Learner
 from drake_shared.robots import Robot, describe_robot
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig
-from drake_shared.simulation.diagram import AddSharedControl, SharedControl
+from drake_shared.simulation.diagram import AddSharedControl
 from drake_shared.simulation.log import LOG_VERSION, Trial, log_columns, read_log, write_log
 from drake_shared.simulation.settings import TrialSettings, settings_of_log
+from drake_shared.simulation.shared_control import SharedControl
 from drake_shared.systems.operators import check_operator_inputs
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator

@@ -9,8 +9,9 @@ import pytest
 
 from drake_shared.analysis.metrics import metrics, sides_passed, sparc, summarize
 from drake_shared.common.errors import InputError
+from drake_shared.robots import DiffDrive
 from drake_shared.simulation.config import config_for
-from drake_shared.simulation.diagram import LOG_COLUMNS
+from drake_shared.simulation.log import log_columns
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 
 PERIOD = 0.1
@@ -23,7 +24,7 @@ def make(scenario):
     def trial(status="reached", metadata=None, **given) -> Trial:
         rows = max((len(values) for values in given.values()), default=5)
         columns = {"t": PERIOD * np.arange(rows)}
-        columns |= {name: np.zeros(rows) for name in LOG_COLUMNS}
+        columns |= {name: np.zeros(rows) for name in log_columns(DiffDrive())}
         columns |= {"clearance": np.ones(rows), "contact": np.zeros(rows, dtype=bool)}
         columns["x"] = np.linspace(0.0, 5.0, rows)
         columns |= {name: np.asarray(values) for name, values in given.items()}

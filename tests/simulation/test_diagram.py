@@ -9,9 +9,11 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, DiscreteStateIndex, LeafSystem
 
 from drake_shared.common.errors import InputError
+from drake_shared.robots import DiffDrive
 from drake_shared.robots.motion import motion, speeds_after
 from drake_shared.simulation.config import SharedControlConfig, config_for
-from drake_shared.simulation.diagram import LOG_COLUMNS, AddSharedControl, MakeSharedControlDiagram
+from drake_shared.simulation.diagram import AddSharedControl, MakeSharedControlDiagram
+from drake_shared.simulation.log import log_columns
 from drake_shared.simulation.trial import Simulation, TrialSettings
 from drake_shared.systems.intention import empty_intention
 from drake_shared.systems.recorded_input import RecordedInput
@@ -130,7 +132,7 @@ def test_an_operator_may_see_what_became_of_its_command_one_step_late(open_floor
 
 def test_columns_that_the_operator_adds_come_last(open_floor):
     simulation = Simulation(open_floor, operator=Follower())
-    assert simulation.parts.columns == (*LOG_COLUMNS, "seen_weight", "seen_left", "seen_right")
+    assert simulation.parts.columns == (*log_columns(DiffDrive()), "seen_weight", "seen_left", "seen_right")
 
 
 def test_takes_any_object_with_the_learners_predict(scenario, route_learner):
