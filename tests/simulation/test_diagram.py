@@ -285,7 +285,7 @@ def test_takes_a_plant_and_a_controller(open_floor, route_learner):
 @pytest.mark.parametrize(
     ("role", "system", "port"),
     [
-        ("plant", Mute(), "wheel_command"),
+        ("plant", Mute(), "command"),
         ("controller", Mute(), "pose"),
         ("operator", Plant(), "human_command"),
         ("operator", Curious(), "lidar"),
