@@ -1,14 +1,17 @@
-"""Where a demonstrated task leaves open which way the driver is going, and whether w knows it.
+"""Steps at which the demonstrations leave the operator's route ambiguous, and w at these steps.
 
-The claim behind Fig. 4 of Amirshirzad et al. 2022 is that the human's share rises where ways that were
-demonstrated run together and will part again. This makes it a measure.
+Fig. 4 of Amirshirzad et al. 2022 shows that the human weight rises where demonstrated paths run together and
+separate later. These functions quantify it.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import rankdata
 
@@ -16,83 +19,94 @@ from drake_shared.demonstrations import ProgressClock
 from drake_shared.simulation.trial import Trial
 
 TOGETHER = 0.15
-PARTED = 0.3
+"""Paths run together within this distance, in [m]."""
+SEPARATE = 0.3
+"""Paths are separate beyond this distance, in [m]."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class Ambiguity:
-    """Steps of a trial, n without its last row, which is not applied.
+    """Ambiguous and clear steps of a trial with n applied rows (all but the last).
 
     Attributes:
-        ambiguous: Shape (n,), whether another demonstration at equal progress is within 0.15 m of the robot
-            and later parts from its own by over 0.3 m.
-        clear: Shape (n,), whether every other demonstration is over 0.3 m away.
-        human_weight: Shape (n,), w.
+        ambiguous: Whether another demonstration at equal progress is within 0.15 m of the robot and later
+            separates from its own by over 0.3 m: shape (n,).
+        clear: Whether every other demonstration is over 0.3 m away: shape (n,).
+        human_weight: w: shape (n,).
     """
 
-    ambiguous: np.ndarray
-    clear: np.ndarray
-    human_weight: np.ndarray
+    ambiguous: NDArray[np.bool_]
+    clear: NDArray[np.bool_]
+    human_weight: NDArray[np.float64]
 
 
-def ambiguity(trial: Trial, times: np.ndarray, demonstrations: np.ndarray) -> Ambiguity:
-    """Tells the ambiguous steps of ``trial`` from the clear ones.
+def ambiguity(trial: Trial, times: NDArray[np.float64], demonstrations: NDArray[np.float64]) -> Ambiguity:
+    """Finds the ambiguous and the clear steps of ``trial``.
 
-    The robot's own demonstration is the one that its way follows most closely at equal progress.
+    The robot's own demonstration is the one nearest to its path at equal progress.
 
     Args:
         trial: A log.
-        times: Shape (N,), of the demonstrations' grid, in [s].
-        demonstrations: Shape (m, N, 2), on that grid, in [m]; m >= 2.
+        times: Grid of the demonstrations: shape (N,), in [s].
+        demonstrations: Positions on that grid: shape (m, N, D), in [m]; m >= 2.
     """
     positions = trial.positions[:-1]
     steps = [_progress(times, item, positions) for item in demonstrations]
-    strays = [
+    distances = [
         np.linalg.norm(positions - item[step], axis=1).mean()
         for item, step in zip(demonstrations, steps, strict=True)
     ]
-    own = int(np.argmin(strays))
+    own = int(np.argmin(distances))
     step = steps[own]
     others = [index for index in range(len(demonstrations)) if index != own]
     away = np.linalg.norm(demonstrations[others][:, step] - positions, axis=2)
-    # How far its way runs from theirs, whenever they come there: one way at another pace is no parting.
+    # Distances between paths at any time: the same path at another speed does not separate.
     apart = np.stack([cKDTree(demonstrations[index]).query(demonstrations[own])[0] for index in others])
     later = np.maximum.accumulate(apart[:, ::-1], axis=1)[:, ::-1][:, step]
     return Ambiguity(
-        ambiguous=((away < TOGETHER) & (later > PARTED)).any(axis=0),
-        clear=(away > PARTED).all(axis=0),
+        ambiguous=((away < TOGETHER) & (later > SEPARATE)).any(axis=0),
+        clear=(away > SEPARATE).all(axis=0),
         human_weight=trial["human_weight"][:-1],
     )
 
 
-def weights(parts: list[Ambiguity]) -> dict[str, float]:
-    """Mean w over the ambiguous and over the clear steps of all trials; NaN where there are none."""
-    named = {"weight_where_ambiguous": "ambiguous", "weight_where_clear": "clear"}
-    found = {
-        name: np.concatenate([part.human_weight[getattr(part, kind)] for part in parts])
-        for name, kind in named.items()
+def mean_weights(parts: Sequence[Ambiguity]) -> dict[str, float]:
+    """Mean w over the ambiguous and over the clear steps of all trials; NaN if there are none."""
+    high, low = _weights(parts)
+    return {
+        "weight_where_ambiguous": float(high.mean()) if high.size else math.nan,
+        "weight_where_clear": float(low.mean()) if low.size else math.nan,
     }
-    return {name: float(values.mean()) if values.size else float("nan") for name, values in found.items()}
 
 
-def ranking(parts: list[Ambiguity]) -> float:
-    """Area under the ROC curve of w as a sign of ambiguity against clarity, over all steps of all trials.
+def ambiguity_ranking(parts: Sequence[Ambiguity]) -> float:
+    """Area under the ROC curve of w as a classifier of ambiguous and clear steps of all trials.
 
-    1 if every ambiguous step has a higher w than every clear one, 0.5 if w knows nothing; NaN if there are
+    1 if every ambiguous step has a higher w than every clear one, 0.5 if w is uninformative; NaN if there are
     no steps of one kind.
     """
-    high = np.concatenate([part.human_weight[part.ambiguous] for part in parts])
-    low = np.concatenate([part.human_weight[part.clear] for part in parts])
+    high, low = _weights(parts)
     if not (high.size and low.size):
-        return float("nan")
+        return math.nan
     ranks = rankdata(np.concatenate([high, low]))[: high.size]
     return float((ranks.sum() - high.size * (high.size + 1) / 2) / (high.size * low.size))
 
 
-def _progress(times: np.ndarray, demonstration: np.ndarray, positions: np.ndarray) -> np.ndarray:
+def _weights(parts: Sequence[Ambiguity]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """w at the ambiguous steps and at the clear steps of all trials."""
+    return (
+        np.concatenate([part.human_weight[part.ambiguous] for part in parts]),
+        np.concatenate([part.human_weight[part.clear] for part in parts]),
+    )
+
+
+def _progress(
+    times: NDArray[np.float64], demonstration: NDArray[np.float64], positions: NDArray[np.float64]
+) -> NDArray[np.intp]:
+    """Index on the grid of the progress along a demonstration at each position: shape (n,)."""
     clock = ProgressClock(times, demonstration[None])
     reached, steps = 0.0, []
-    for x, y in positions:
-        reached = clock.advance(reached, x, y)
+    for position in positions:
+        reached = clock.advance(reached, *position)
         steps.append(min(int(times.searchsorted(reached)), len(times) - 1))
     return np.array(steps)

@@ -54,7 +54,7 @@ class Counterfactual:
 
     def measures(self) -> dict[str, Any]:
         """The measures of that part; what the end of a trial decides is None if the end is not in it."""
-        measured = metrics(self.until_left)
+        measured: dict[str, Any] = {**metrics(self.until_left)}
         if self.left_at is not None:
             measured |= dict.fromkeys(_OF_THE_END)
         return measured

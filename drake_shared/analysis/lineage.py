@@ -1,9 +1,10 @@
-"""Where a learner comes from: its data, the learners that took part in making them, and theirs before."""
+"""Lineage of a learner: its training data, the learners that took part in recording them, and so on."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,18 +13,20 @@ from drake_shared.common.errors import InputError
 from drake_shared.common.files import sha256_of
 from drake_shared.learners.storage import learner_id, read_description
 
-_WEIGHTS = {"human": 1.0, "agent": 0.0}
+SIMULATED_OPERATOR = "SurrogateOperator"
+"""Operator named in the provenance of demonstrations by a simulated operator."""
 KINDS = ("human", "shared", "agent", "unknown")
+_HUMAN_WEIGHTS = {"human": 1.0, "agent": 0.0}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class DataFile:
-    """A file that a learner was taught by.
+    """A file that a learner was trained on.
 
     Attributes:
-        file: Its name when the learner was trained; None for what came from no file.
-        state: "unchanged", "changed" (there is a file of that name, but with other content) or "missing".
-        sources: What the training record says of each demonstration in it.
+        file: Its name at the time of training; None for demonstrations that were not read from a file.
+        state: "unchanged", "changed" (a file of that name has other content) or "missing".
+        sources: Provenance of each demonstration in it, from the training record.
     """
 
     file: str | None
@@ -36,23 +39,25 @@ class Generation:
     """A learner among its ancestors.
 
     Attributes:
-        id: By the content of its file, as logs have it.
-        file: Where it was found; None if it is missing.
+        id: Hash of its file, as in logs.
+        file: Path; None if the file was not found.
         description: Name, preset and scenario, as far as known.
-        counts: How many of its demonstrations were driven by the "human" alone, "shared", by the "agent"
-            alone, or by who is "unknown"; None if its file does not tell.
-        autonomy: Share of its data that autonomy made: mean over the demonstrations of one less the human's
-            mean weight; those that do not tell do not count. None if none does.
-        data: Its files.
-        parents: The learners that took part in its data.
-        told: Whether it was told of before, further up; data and parents are left out then. So the tree stays
-            small where generations share their ancestors, and ends if one were its own.
+        counts: Number of its demonstrations by mode ("human" alone, "shared", "agent" alone, "unknown"); None
+            if its file does not hold their provenance.
+        drivers: The same by driver; see `driver_of`.
+        autonomy: Share of its data that is due to autonomy: mean of 1 - mean human weight over the
+            demonstrations with a known weight; None if there are none.
+        data: The files that it was trained on.
+        parents: The learners that took part in recording these.
+        told: Whether this learner is listed before, further up; data and parents are omitted then. This keeps
+            the tree small if generations share ancestors, and finite if a learner were its own ancestor.
     """
 
     id: str
     file: str | None
     description: dict[str, Any] = dataclasses.field(default_factory=dict)
     counts: dict[str, int] | None = None
+    drivers: dict[str, int] | None = None
     autonomy: float | None = None
     data: tuple[DataFile, ...] = ()
     parents: tuple[Generation, ...] = ()
@@ -60,65 +65,67 @@ class Generation:
 
 
 def lineage(model: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]] = ()) -> Generation:
-    """The learner of a file with all that led to it.
+    """The learner of a file with its data and ancestors.
 
     Args:
-        model: Its file.
-        folders: Where ancestors are looked for, by the content of the files in them.
+        model: The learner's file.
+        folders: Where to search for ancestors, by the content of the files.
 
     Raises:
-        InputError: ``model`` is no learner's file, or a folder is none.
+        InputError: ``model`` is not the file of a learner, or a folder cannot be read.
     """
     read_description(model)
-    places = learners_in(folders)
+    files = learners_in(folders)
     own = learner_id(model)
-    places[own] = os.fspath(model)
-    return trace(own, places.get, read_description)
+    files[own] = os.fspath(model)
+    return trace(own, files.get, read_description)
 
 
 def trace(
     id: str,
     find: Callable[[str], str | None],
     describe: Callable[[str], dict[str, Any]],
-    told: set[str] | None = None,
+    listed: set[str] | None = None,
 ) -> Generation:
-    """The learner ``id`` with its ancestors.
+    """The learner ``id`` with its data and ancestors.
 
     Args:
-        id: Of the learner.
-        find: The file of a learner, if it is known.
-        describe: What a learner's file says.
-        told: Learners that need not be told of again.
+        id: The learner's id.
+        find: Returns the file of a learner, or None.
+        describe: Returns the description in a learner's file.
+        listed: Learners that were listed before; is extended.
     """
-    told = set() if told is None else told
+    listed = set() if listed is None else listed
     file = find(id)
     if file is None:
-        return Generation(id=id, file=None, told=id in told)
-    said = describe(file)
-    description = {name: said.get(name) for name in ("learner", "preset", "scenario")}
-    if id in told:
+        return Generation(id=id, file=None, told=id in listed)
+    described = describe(file)
+    description = {name: described.get(name) for name in ("learner", "preset", "scenario")}
+    if id in listed:
         return Generation(id=id, file=file, description=description, told=True)
-    told.add(id)
-    training = said.get("training")
+    listed.add(id)
+    training = described.get("training")
     sources = training.get("sources") if isinstance(training, dict) else None
     if not isinstance(sources, list) or not all(isinstance(item, dict) for item in sources):
         return Generation(id=id, file=file, description=description)
-    took_part = [item.get("learner_id") for item in sources if _kind(item) != "human"]
+    took_part = [item.get("learner_id") for item in sources if item.get("mode") != "human"]
+    modes = [_mode(item) for item in sources]
     parents = dict.fromkeys(one for one in took_part if isinstance(one, str))
     return Generation(
         id=id,
         file=file,
         description=description,
-        counts={kind: sum(_kind(item) == kind for item in sources) for kind in KINDS},
+        counts={kind: modes.count(kind) for kind in KINDS},
+        drivers=dict(Counter(map(driver_of, sources))),
         autonomy=autonomy_share(sources),
         data=_files(sources, Path(file).parent),
-        parents=tuple(trace(parent, find, describe, told) for parent in parents),
+        parents=tuple(trace(parent, find, describe, listed) for parent in parents),
     )
 
 
 def autonomy_share(sources: Sequence[dict[str, Any]]) -> float | None:
-    """Share of demonstrations that autonomy made: mean of one less the human's weight, where it is known."""
-    weights = [item.get("human_weight", _WEIGHTS.get(_kind(item))) for item in sources]
+    """Mean of 1 - human weight over the demonstrations with a known weight; None if there are none."""
+    weights = [item.get("human_weight", _HUMAN_WEIGHTS.get(str(item.get("mode")))) for item in sources]
     known = [weight for weight in weights if isinstance(weight, int | float)]
     return sum(1.0 - weight for weight in known) / len(known) if known else None
 
@@ -127,7 +134,7 @@ def learners_in(folders: Iterable[str | os.PathLike[str]]) -> dict[str, str]:
     """The files of learners in ``folders``, by id.
 
     Raises:
-        InputError: One is no folder that can be read.
+        InputError: A folder cannot be read.
     """
     found: dict[str, str] = {}
     for folder in folders:
@@ -143,7 +150,7 @@ def learners_in(folders: Iterable[str | os.PathLike[str]]) -> dict[str, str]:
 
 def _is_learner(file: Path) -> bool:
     try:
-        # Eight bytes of length and a JSON object begin such a file: others, large logs say, are not read.
+        # A safetensors file starts with eight bytes of length and a JSON object; others are not read.
         with file.open("rb") as opened:
             if opened.read(9)[8:] != b"{":
                 return False
@@ -153,28 +160,43 @@ def _is_learner(file: Path) -> bool:
     return True
 
 
-def _kind(source: dict[str, Any]) -> str:
+def driver_of(source: dict[str, Any]) -> str:
+    """Who drove a demonstration, from its provenance.
+
+    Returns:
+        "simulated operator" or "person" (of an unknown operator "human") for one alone, the same with
+        "shared with" before it for shared control, "agent", or "unknown".
+    """
+    mode = _mode(source)
+    if mode not in ("human", "shared"):
+        return mode
+    operator = source.get("operator")
+    human = "simulated operator" if operator == SIMULATED_OPERATOR else "person" if operator else "human"
+    return human if mode == "human" else f"shared with {human}"
+
+
+def _mode(source: dict[str, Any]) -> str:
     mode = source.get("mode")
     return mode if mode in KINDS else "unknown"
 
 
-def _files(sources: Sequence[dict[str, Any]], beside: Path) -> tuple[DataFile, ...]:
+def _files(sources: Sequence[dict[str, Any]], folder: Path) -> tuple[DataFile, ...]:
     grouped: dict[tuple[Any, Any], list[dict[str, Any]]] = {}
     for item in sources:
         grouped.setdefault((item.get("file"), item.get("sha256")), []).append(item)
     return tuple(
         DataFile(
             file=file,
-            state="missing" if file is None else _state(Path(file), content, beside),
+            state="missing" if file is None else _state(Path(file), sha256, folder),
             sources=tuple(items),
         )
-        for (file, content), items in grouped.items()
+        for (file, sha256), items in grouped.items()
     )
 
 
-def _state(file: Path, content: str | None, beside: Path) -> str:
-    """Of a file, looked for where it was and beside the learner."""
-    there = [place for place in (file, beside / file, beside / file.name) if place.is_file()]
-    if any(sha256_of(place) == content for place in there):
+def _state(file: Path, sha256: str | None, folder: Path) -> str:
+    """State of a file, which is searched at its path and in the learner's folder."""
+    found = [path for path in (file, folder / file, folder / file.name) if path.is_file()]
+    if any(sha256_of(path) == sha256 for path in found):
         return "unchanged"
-    return "changed" if there else "missing"
+    return "changed" if found else "missing"

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from scipy import optimize, stats
 
-from drake_shared.analysis.metrics import wheel_limit
 from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import LONGEST_DELAY
 from drake_shared.operators.steering import Pose, SteeringLaw
@@ -232,7 +231,7 @@ class _Drive:
         self.least_weight = float(self._weight.min())
         hands_off = (self.commands == 0.0).all(axis=1)
         self._hands_on = ~hands_off
-        self._free = _FREE * wheel_limit(trial)
+        self._free = _FREE * scenario.robot.max_wheel_speed
         # What was planned for while the hands were off is done later.
         self._time = (trial["t"][:-1] - period * np.cumsum(hands_off)).tolist()
         self._views: dict[float, list[tuple[Pose, float]]] = {}

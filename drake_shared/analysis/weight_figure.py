@@ -1,4 +1,4 @@
-"""Scores of demonstrations and how likely each is drawn, as a figure (Fig. 5 of Amirshirzad et al. 2022)."""
+"""Figure of the demonstrations' scores and sampling weights (Fig. 5 of Amirshirzad et al. 2022)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def draw_weights(demonstrations: Demonstrations, path: str | os.PathLike[str]) -> None:
-    """Writes a PNG: the demonstrations as strong as they are likely, and the density over their scores.
+    """Writes a PNG file: demonstrations with an opacity by weight, and the density over their scores.
 
     Raises:
         InputError: A demonstration has no score, or the file cannot be written.
@@ -39,20 +39,20 @@ def draw_weights(demonstrations: Demonstrations, path: str | os.PathLike[str]) -
 
 
 def draw_weights_on(left: Axes, right: Axes, demonstrations: Demonstrations, *, previous: int = 0) -> None:
-    """The same two drawings on axes that are there.
+    """Draws the same on given axes.
 
     Args:
-        left: For the demonstrations, each labelled with its score and how often it is drawn.
+        left: For the demonstrations, each labelled with its score and probability.
         right: For the density.
         demonstrations: All with scores.
-        previous: So many of them, the first ones, are dashed.
+        previous: Number of demonstrations, from the first, to draw dashed.
 
     Raises:
         InputError: A demonstration has no score.
     """
     scores = demonstrations.scores
     if scores is None:
-        raise InputError(demonstrations.source, "scores", "must be known for a figure of weights")
+        raise InputError(demonstrations.source, "scores", "are needed for the figure of sampling weights")
     weights = demonstration_weights(demonstrations)
     for index, (item, weight) in enumerate(zip(demonstrations, weights, strict=True)):
         label = f"{index}: score {scores[index]:.3f}, drawn {100 * weight:.0f}%"
@@ -60,7 +60,7 @@ def draw_weights_on(left: Axes, right: Axes, demonstrations: Demonstrations, *, 
         style = "--" if index < previous else "-"
         left.plot(*item.positions.T, style, color=color, alpha=strength, label=label)
         right.plot([scores[index]] * 2, [0, weight], color=color, linewidth=4)
-    # The density itself, in the scale of the weights: it passes through the top of each bar.
+    # The density, scaled to pass through the top of each bar.
     best = int(np.argmax(scores))
     least = min_score_width(demonstrations)
     reach = max(float(np.ptp(scores)), least)
@@ -68,4 +68,4 @@ def draw_weights_on(left: Axes, right: Axes, demonstrations: Demonstrations, *, 
     width = max(2.0 * float(np.std(scores)), least)
     right.plot(fine, weights[best] * np.exp(-0.5 * ((fine - scores[best]) / width) ** 2), color="0.6")
     left.set(xlabel="x, m", ylabel="y, m", aspect="equal")
-    right.set(xlabel="score", ylabel="probability of being drawn", ylim=(0, None))
+    right.set(xlabel="score", ylabel="sampling probability", ylim=(0, None))

@@ -33,7 +33,7 @@ class Evaluate(LearnerOptions):
 
     def run(self) -> None:
         """Runs the command."""
-        from drake_shared.analysis.evaluation import draw_reliability, evaluate, predictions
+        from drake_shared.analysis.evaluation import draw_reliability, evaluate, prediction_errors
         from drake_shared.demonstrations import read_demonstrations
         from drake_shared.scenario import load_scenario
         from drake_shared.simulation.teaching import teach
@@ -50,7 +50,7 @@ class Evaluate(LearnerOptions):
         else:
             # Seeds far from those of the demonstrations that ship.
             demonstrations = teach(scenario, count=3 * len(scenario.routes), seed=self.seed + 10_000)
-        found = predictions(learner, demonstrations, noise=self.noise, seed=self.seed)
+        found = prediction_errors(learner, demonstrations, noise=self.noise, seed=self.seed)
         result: dict[str, Any] = {"model": str(path), **evaluate(found)}
         if self.trials:
             result["confidence"] = self._judge(scenario, learner)
@@ -72,26 +72,30 @@ class Evaluate(LearnerOptions):
             _print(result)
 
     def _judge(self, scenario, learner) -> dict[str, Any]:
-        from drake_shared.analysis.ambiguity import ambiguity, ranking, weights
-        from drake_shared.analysis.evaluation import calibration_of_confidence, judge_confidence, ways_of
+        from drake_shared.analysis.ambiguity import ambiguity, ambiguity_ranking, mean_weights
+        from drake_shared.analysis.confidence_calibration import (
+            assess_confidence,
+            confidence_calibration,
+            demonstrations_of_routes,
+        )
         from drake_shared.simulation.trial import Simulation, TrialSettings
 
         simulation = Simulation(scenario, learner=learner, config=self.control)
-        ways = ways_of(scenario, learner)
+        ways = demonstrations_of_routes(scenario, learner)
         parts, ambiguities = [], []
         for index in range(self.trials):
             route = scenario.routes[index % len(scenario.routes)]
             if route.name not in ways:
                 continue
             trial = simulation.run(TrialSettings(route=route.name, seed=self.seed + index))
-            parts.append(judge_confidence(learner, trial, ways[route.name]))
+            parts.append(assess_confidence(learner, trial, ways[route.name]))
             if len(learner.demonstrations) > 1:
                 ambiguities.append(ambiguity(trial, learner.grid, learner.demonstrations))
         if not parts:
             raise InputError("evaluate", "trials", "need a route of the scenario that was demonstrated")
-        judged = calibration_of_confidence(parts)
+        judged = confidence_calibration(parts)
         if ambiguities:
-            judged |= {**weights(ambiguities), "ambiguity_ranking": ranking(ambiguities)}
+            judged |= {**mean_weights(ambiguities), "ambiguity_ranking": ambiguity_ranking(ambiguities)}
         return judged
 
 

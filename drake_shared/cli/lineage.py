@@ -1,4 +1,4 @@
-"""``drake-shared lineage``: what a learner was taught by, and the learners before it."""
+"""``drake-shared lineage``: the training data of a learner, and the learners before it."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from typing import Annotated
 
 import tyro
 
-from drake_shared.analysis.lineage import DataFile, Generation
+from drake_shared.analysis.lineage import DataFile, Generation, driver_of
 from drake_shared.cli.common import print_json
 
 
 @dataclasses.dataclass(kw_only=True)
 class Lineage:
-    """Tells what a learner was taught by, and which learners took part in it; to roll back, take one of these
-    by --model."""
+    """Prints the training data of a learner and the learners that took part in recording it; to roll back,
+    give one of these to --model."""
 
     model: Annotated[Path, tyro.conf.Positional]
     """Learner."""
     models: tuple[Path, ...] = ()
-    """Folders in which earlier learners are looked for; default: the learner's own and the shipped ones."""
+    """Folders to search for earlier learners; default: the learner's own and that of the shipped ones."""
     json: bool = False
     """Print everything as one JSON object."""
 
@@ -44,15 +44,15 @@ def _lines(one: Generation) -> list[str]:
     kind = ", ".join(str(value) for value in one.description.values() if value)
     head = f"learner {one.id} ({kind}): {one.file}"
     if one.told:
-        return [f"{head} (told of above)"]
-    if one.counts is None:
-        return [head, "  its file does not tell its data"]
-    counts = ", ".join(f"{count} {kind}" for kind, count in one.counts.items() if count)
-    share = "" if one.autonomy is None else f"; autonomy made {one.autonomy:.0%} of them"
+        return [f"{head} (listed above)"]
+    if one.drivers is None:
+        return [head, "  its file does not hold the provenance of its demonstrations"]
+    counts = ", ".join(f"{count} {driver}" for driver, count in one.drivers.items())
+    share = "" if one.autonomy is None else f"; {one.autonomy:.0%} due to autonomy"
     lines = [head, f"  demonstrations: {counts}{share}"]
     lines += [f"    {_describe(file)}" for file in one.data]
     if one.parents:
-        lines.append("  taught by drives with:")
+        lines.append("  recorded with:")
     for parent in one.parents:
         lines += [f"    {line}" for line in _lines(parent)]
     return lines
@@ -61,13 +61,10 @@ def _lines(one: Generation) -> list[str]:
 def _describe(data: DataFile) -> str:
     states = {
         "unchanged": "",
-        "changed": " - CHANGED since it was taught",
+        "changed": " - CHANGED since the training",
         "missing": " - missing",
     }
     if data.file is None:
-        return f"{len(data.sources)} from no file"
-    told = [
-        " ".join(str(item[name]) for name in ("mode", "route") if name in item) or "unknown"
-        for item in data.sources
-    ]
-    return f"{data.file}: {', '.join(told)}{states[data.state]}"
+        return f"{len(data.sources)} not from a file"
+    drives = [f"{driver_of(item)} {item.get('route') or ''}".strip() for item in data.sources]
+    return f"{data.file}: {', '.join(drives)}{states[data.state]}"

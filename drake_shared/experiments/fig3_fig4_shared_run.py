@@ -9,7 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.analysis.ambiguity import PARTED, TOGETHER, Ambiguity, ambiguity, ranking, weights
+from drake_shared.analysis.ambiguity import (
+    SEPARATE,
+    TOGETHER,
+    Ambiguity,
+    ambiguity,
+    ambiguity_ranking,
+    mean_weights,
+)
 from drake_shared.analysis.replay import write_replay
 from drake_shared.analysis.statistics import Claim, claim, interval, paired_claims
 from drake_shared.experiments.common import (
@@ -88,7 +95,7 @@ def run_learners(scenario: str | None, preset: str, learners: list[int], trials:
             driven.append(trial)
             parts.append(part)
             clocks.append(dataclasses.replace(part, human_weight=-trial["t"][:-1]))
-            told = {"preset": preset, "learner": index, **weights([part]), **_shares(part)}
+            told = {"preset": preset, "learner": index, **mean_weights([part]), **_shares(part)}
             rows.append(measured(trial, **told))
         if index == 0:
             first = max(range(min(trials, len(world.routes))), key=lambda one: _clear_before(parts[one]))
@@ -97,9 +104,9 @@ def run_learners(scenario: str | None, preset: str, learners: list[int], trials:
             {
                 "preset": preset,
                 "learner": index,
-                **weights(parts),
-                "area": ranking(parts),
-                "clock_area": ranking(clocks),
+                **mean_weights(parts),
+                "area": ambiguity_ranking(parts),
+                "clock_area": ambiguity_ranking(clocks),
                 "ignores": bool(learner.metadata["training"]["ignores_observations"]),
             }
         )
@@ -179,8 +186,8 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
             "ones: there w has most reason to rise again.",
             "The paper says that w rises where demonstrated ways run together, as at the start and between "
             "the obstacles. Here a step is ambiguous if another demonstration at equal progress is within "
-            f"{TOGETHER} m of the robot and later parts from the way driven by more than {PARTED} m; it is "
-            f"clear if every other demonstration is more than {PARTED} m away. The area under the ROC curve "
+            f"{TOGETHER} m of the robot and later parts from the path driven by over {SEPARATE} m; it is "
+            f"clear if every other demonstration is over {SEPARATE} m away. The area under the ROC curve "
             "of w as a sign of ambiguity is 1 if every ambiguous step has a higher w than every clear one, "
             "and 0.5 if w knows nothing. But a run is the less ambiguous the longer it lasts, so a mere "
             "clock tells something, too: the table gives the area of the time left in place of w.",

@@ -7,7 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.analysis.evaluation import calibration_of_confidence, judge_confidence, ways_of
+from drake_shared.analysis.confidence_calibration import (
+    assess_confidence,
+    confidence_calibration,
+    demonstrations_of_routes,
+)
 from drake_shared.analysis.metrics import metrics
 from drake_shared.analysis.statistics import Claim, interval, not_worse, paired, paired_claims
 from drake_shared.common.errors import RunError
@@ -228,15 +232,16 @@ def _judged(
     """The means of the trials' measures, the calibration over all their steps, and what the data are."""
     world = scenario_of(scenario)
     behaviour = OPERATORS[OPERATOR].behaviour_in(world)
-    ways = ways_of(world, learner)
-    found, parts = [], []
+    ways = demonstrations_of_routes(world, learner)
+    found: list[Mapping[str, Any]] = []
+    parts = []
     for index in range(trials):
         route = world.routes[index % len(world.routes)].name
         trial = run(scenario, learner, route=route, seed=seed + index, behaviour=behaviour)
         found.append(metrics(trial))
         if route in ways:
-            parts.append(judge_confidence(learner, trial, ways[route], every=_EVERY))
-    honest: Mapping[str, Any] = calibration_of_confidence(parts) if parts else {}
+            parts.append(assess_confidence(learner, trial, ways[route], every=_EVERY))
+    honest: Mapping[str, Any] = confidence_calibration(parts) if parts else {}
     return {
         **{name: float(np.mean([one[name] for one in found])) for name in _TRIAL_MEASURES},
         "expected_calibration_error": honest.get("expected_calibration_error", float("nan")),

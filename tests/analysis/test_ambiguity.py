@@ -1,23 +1,23 @@
-"""Where ways run together and where they have parted, on ways whose answer is plain."""
+"""Ambiguous and clear steps on simple paths."""
 
 import math
 
 import numpy as np
 import pytest
 
-from drake_shared.analysis.ambiguity import Ambiguity, ambiguity, ranking
+from drake_shared.analysis.ambiguity import Ambiguity, ambiguity, ambiguity_ranking, mean_weights
 from drake_shared.simulation.trial import Trial
 
 TIMES = np.arange(0.0, 10.05, 0.1)
 ALONG = 0.5 * TIMES
-# Both straight on for 2 m; then one goes on and the other turns off to the left.
+# Both go straight for 2 m; then one turns left.
 STRAIGHT = np.stack([ALONG, np.zeros_like(TIMES)], axis=-1)
 FORK = np.stack([ALONG, np.maximum(ALONG - 2.0, 0.0)], axis=-1)
 
 
-def driven(way: np.ndarray, weight: np.ndarray | None = None) -> Trial:
-    weight = np.zeros(len(way)) if weight is None else weight
-    columns = {"t": 0.05 * np.arange(len(way)), "x": way[:, 0], "y": way[:, 1], "human_weight": weight}
+def driven(path: np.ndarray, weight: np.ndarray | None = None) -> Trial:
+    weight = np.zeros(len(path)) if weight is None else weight
+    columns = {"t": 0.05 * np.arange(len(path)), "x": path[:, 0], "y": path[:, 1], "human_weight": weight}
     return Trial(columns=columns, metadata={})
 
 
@@ -31,7 +31,7 @@ def test_ambiguous_before_the_fork_and_clear_after_it(own):
     assert parts.clear[x > 2.5].all()
 
 
-def test_neither_where_the_ways_are_apart_by_a_little():
+def test_between_both_distances_steps_are_neither_ambiguous_nor_clear():
     parts = ambiguity(driven(STRAIGHT), TIMES, np.stack([STRAIGHT, FORK]))
     between = (ALONG[:-1] > 2.2) & (ALONG[:-1] < 2.28)
     assert between.any()
@@ -39,24 +39,24 @@ def test_neither_where_the_ways_are_apart_by_a_little():
     assert not parts.clear[between].any()
 
 
-def test_ways_that_stay_together_are_not_ambiguous():
+def test_paths_that_stay_together_are_not_ambiguous():
     parts = ambiguity(driven(STRAIGHT), TIMES, np.stack([STRAIGHT, STRAIGHT + np.array([0.0, 0.1])]))
     assert not parts.ambiguous.any()
     assert not parts.clear.any()
 
 
-def test_another_pace_on_the_same_way_is_no_parting():
+def test_the_same_path_at_another_speed_does_not_separate():
     slow = np.stack([np.minimum(ALONG**2 / 5.0, 5.0), np.zeros_like(TIMES)], axis=-1)
     assert not ambiguity(driven(STRAIGHT), TIMES, np.stack([STRAIGHT, slow])).ambiguous.any()
 
 
-def test_the_robots_own_way_is_the_nearest_one():
+def test_the_own_demonstration_is_the_nearest_one():
     wide = STRAIGHT + np.array([0.0, 1.0])
     near_wide = wide + np.array([0.0, 0.1])
     assert ambiguity(driven(near_wide), TIMES, np.stack([STRAIGHT, wide])).clear.all()
 
 
-def test_the_row_that_is_not_applied_is_left_out():
+def test_the_last_row_is_left_out():
     weight = np.linspace(1.0, 0.0, len(TIMES))
     parts = ambiguity(driven(STRAIGHT, weight), TIMES, np.stack([STRAIGHT, FORK]))
     np.testing.assert_array_equal(parts.human_weight, weight[:-1])
@@ -79,12 +79,15 @@ def part(high, low) -> Ambiguity:
     ],
 )
 def test_ranking_is_the_share_of_pairs_in_the_right_order(high, low, area):
-    assert ranking([part(high, low)]) == pytest.approx(area)
+    assert ambiguity_ranking([part(high, low)]) == pytest.approx(area)
 
 
 def test_ranking_is_over_all_steps_of_all_trials():
-    assert ranking([part([0.9], [0.5]), part([0.4], [0.1])]) == pytest.approx(3 / 4)
+    assert ambiguity_ranking([part([0.9], [0.5]), part([0.4], [0.1])]) == pytest.approx(3 / 4)
 
 
-def test_without_steps_of_one_kind_nothing_can_be_ranked():
-    assert math.isnan(ranking([part([0.9], [])]))
+def test_without_steps_of_one_kind_ranking_and_mean_are_nan():
+    parts = [part([0.9], [])]
+    assert math.isnan(ambiguity_ranking(parts))
+    assert math.isnan(mean_weights(parts)["weight_where_clear"])
+    assert mean_weights(parts)["weight_where_ambiguous"] == 0.9

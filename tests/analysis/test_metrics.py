@@ -1,4 +1,4 @@
-"""Each measure by hand, on a trial of five rows made up for the purpose."""
+"""Each metric by hand, on constructed trials of five rows."""
 
 import dataclasses
 import json
@@ -19,7 +19,7 @@ PERIOD = 0.1
 
 @pytest.fixture
 def make(scenario):
-    """Makes a trial of some rows: what is not given is 0, and the robot at the goal at the end."""
+    """Makes a trial that ends at the goal; columns that are not given are 0."""
 
     def trial(status="reached", metadata=None, **given) -> Trial:
         rows = max((len(values) for values in given.values()), default=5)
@@ -28,8 +28,8 @@ def make(scenario):
         columns |= {"clearance": np.ones(rows), "contact": np.zeros(rows, dtype=bool)}
         columns["x"] = np.linspace(0.0, 5.0, rows)
         columns |= {name: np.asarray(values) for name, values in given.items()}
-        told = {"scenario": json.loads(json.dumps(dataclasses.asdict(scenario))), "status": status}
-        return Trial(columns=columns, metadata=told | {"mode": "shared", "route": None} | (metadata or {}))
+        common = {"scenario": json.loads(json.dumps(dataclasses.asdict(scenario))), "status": status}
+        return Trial(columns=columns, metadata=common | {"mode": "shared", "route": None} | (metadata or {}))
 
     return trial
 
@@ -39,7 +39,7 @@ def test_human_effort_is_the_integral_of_the_norm_of_the_human_command(make):
     assert metrics(trial)["human_effort"] == pytest.approx((5.0 + 0.0 + 10.0 + 1.0) * PERIOD)
 
 
-def test_mean_human_weight_leaves_out_the_row_that_is_not_applied(make):
+def test_mean_human_weight_leaves_out_the_last_row(make):
     measured = metrics(make(human_weight=[1.0, 0.5, 0.5, 0.0, 1.0]))
     assert measured["mean_human_weight"] == pytest.approx(0.5)
     assert measured["human_weight_variance"] == pytest.approx(0.125)
@@ -57,9 +57,9 @@ def test_disagreement_sums_the_absolute_differences_of_both_wheels(make):
     assert measured["disagreement_rate"] == pytest.approx(7 / 4)
 
 
-def test_disagreement_without_an_agent_cannot_be_said(make):
-    nothing = np.full(5, math.nan)
-    measured = metrics(make(autonomous_left=nothing, autonomous_right=nothing))
+def test_disagreement_without_an_agent_is_nan(make):
+    nan = np.full(5, math.nan)
+    measured = metrics(make(autonomous_left=nan, autonomous_right=nan))
     assert math.isnan(measured["disagreement"])
     assert math.isnan(measured["agreement"])
     assert measured["agreement_share"] == 0.0
@@ -73,7 +73,7 @@ def test_dissimilarity_is_the_mean_distance_of_the_human_command_from_the_shared
     assert metrics(trial)["dissimilarity"] == pytest.approx((5.0 + 2.0) / 4)
 
 
-def test_agreement_is_the_mean_cosine_where_both_give_a_command(make):
+def test_agreement_is_the_mean_cosine_over_steps_with_both_commands(make):
     trial = make(
         human_left=[1.0, 2.0, 1.0, 0.0, 1.0],
         human_right=[0.0, 2.0, 0.0, 0.0, 1.0],
@@ -105,18 +105,18 @@ def test_intervention_and_saturation_are_shares_of_the_steps(make, scenario):
     assert measured["saturated_share"] == 0.5
 
 
-def test_path_length_is_the_sum_of_the_steps_and_the_last_counts(make):
+def test_path_length_is_the_sum_of_all_steps(make):
     trial = make(x=[0.0, 3.0, 3.0, 3.0, 3.0], y=[0.0, 4.0, 4.0, 5.0, 3.0], status="timed_out")
     assert metrics(trial)["path_length"] == pytest.approx(5.0 + 1.0 + 2.0)
 
 
-def test_clearance_is_the_least_and_the_mean(make):
+def test_clearance_is_given_as_minimum_and_mean(make):
     measured = metrics(make(clearance=[0.5, 0.3, 0.1, 0.6, 1.0]))
     assert measured["clearance"] == pytest.approx(0.1)
     assert measured["mean_clearance"] == pytest.approx(0.5)
 
 
-def test_without_obstacles_there_is_no_clearance(make):
+def test_clearance_is_none_without_obstacles(make):
     measured = metrics(make(clearance=np.full(5, math.inf)))
     assert measured["clearance"] is None
     assert measured["mean_clearance"] is None
@@ -132,22 +132,22 @@ def test_without_obstacles_there_is_no_clearance(make):
         ("stopped", False, False, False, False),
     ],
 )
-def test_success_is_the_goal_without_contact(make, status, touched, success, collision, timeout):
+def test_success_is_reaching_the_goal_without_contact(make, status, touched, success, collision, timeout):
     measured = metrics(make(status=status, contact=np.array([False, False, touched, False, False])))
     assert (measured["success"], measured["collision"], measured["timeout"]) == (success, collision, timeout)
 
 
-def test_a_contact_in_the_step_that_led_to_the_goal_is_one(make):
+def test_a_contact_in_the_last_step_is_a_collision(make):
     assert metrics(make(contact=np.array([False] * 4 + [True])))["collision"]
 
 
 def test_completion_time_runs_from_the_first_command_of_the_human_to_the_goal(make):
-    hands = [0.0, 0.0, 1.0, 0.0, 1.0]
-    assert metrics(make(human_left=hands))["completion_time"] == pytest.approx(0.2)
-    agent = make(human_left=hands, metadata={"mode": "agent"})
+    commands = [0.0, 0.0, 1.0, 0.0, 1.0]
+    assert metrics(make(human_left=commands))["completion_time"] == pytest.approx(0.2)
+    agent = make(human_left=commands, metadata={"mode": "agent"})
     assert metrics(agent)["completion_time"] == pytest.approx(0.4)
     assert metrics(make())["completion_time"] == pytest.approx(0.4)
-    assert math.isnan(metrics(make(status="timed_out", human_left=hands))["completion_time"])
+    assert math.isnan(metrics(make(status="timed_out", human_left=commands))["completion_time"])
 
 
 def test_completion_time_does_not_count_the_time_spent_at_the_goal(make):
@@ -155,15 +155,15 @@ def test_completion_time_does_not_count_the_time_spent_at_the_goal(make):
     assert metrics(trial)["completion_time"] == pytest.approx(0.2)
 
 
-def test_completion_time_is_the_same_whether_the_trial_goes_on_or_not(human_trial, scenario):
+def test_completion_time_does_not_depend_on_whether_the_trial_continues_at_the_goal(human_trial, scenario):
     longer = Simulation(scenario, config=config_for(None, end="duration")).run(
         TrialSettings(route="left_right", seed=5)
     )
     assert metrics(longer)["completion_time"] == metrics(human_trial)["completion_time"]
 
 
-def way(*sides: str) -> dict[str, np.ndarray]:
-    """A way past both obstacles, on the sides told."""
+def path(*sides: str) -> dict[str, np.ndarray]:
+    """A path past both obstacles on these sides."""
     y = [0.8 if side == "left" else -0.8 for side in sides]
     return {"x": np.array([0.0, 1.4, 2.5, 3.6, 5.0]), "y": np.array([0.0, y[0], 0.0, y[1], 0.0])}
 
@@ -172,11 +172,11 @@ def way(*sides: str) -> dict[str, np.ndarray]:
     "driven", [("left", "right"), ("right", "left"), ("left", "left"), ("right", "right")]
 )
 def test_sides_are_those_on_which_the_robot_passed(make, driven):
-    assert sides_passed(make(**way(*driven))) == {"first": driven[0], "second": driven[1]}
+    assert sides_passed(make(**path(*driven))) == {"first": driven[0], "second": driven[1]}
 
 
 @pytest.mark.parametrize(
-    ("driven", "meant", "success"),
+    ("driven", "intended", "success"),
     [
         (("left", "right"), "left_right", True),
         (("left", "right"), "left_left", False),
@@ -184,35 +184,57 @@ def test_sides_are_those_on_which_the_robot_passed(make, driven):
         (("left", "left"), "left_right", False),
     ],
 )
-def test_intent_success_is_success_on_the_sides_of_the_route_that_was_meant(make, driven, meant, success):
-    trial = make(**way(*driven), metadata={"route": meant})
+def test_intent_success_is_success_on_the_sides_of_the_intended_route(make, driven, intended, success):
+    trial = make(**path(*driven), metadata={"route": intended})
     assert metrics(trial)["success"]
     assert metrics(trial)["intent_success"] is success
 
 
-def test_who_changes_to_another_route_on_the_way_means_that_one(make):
-    trial = make(**way("left", "left"), metadata={"route": "left_right", "then": "left_left"})
+def test_an_operator_who_changes_the_route_intends_the_second_one(make):
+    trial = make(**path("left", "left"), metadata={"route": "left_right", "then": "left_left"})
     assert metrics(trial)["intent_success"] is True
 
 
-def test_the_right_sides_without_the_goal_are_no_success(make):
-    trial = make(**way("left", "right"), metadata={"route": "left_right"}, status="timed_out")
+def test_intent_success_needs_success(make):
+    trial = make(**path("left", "right"), metadata={"route": "left_right"}, status="timed_out")
     assert metrics(trial)["intent_success"] is False
 
 
-def test_where_no_route_was_meant_intent_success_cannot_be_said(make):
+def test_intent_success_is_none_without_a_route(make):
     assert metrics(make())["intent_success"] is None
 
 
+@pytest.mark.parametrize("rows", [[2], [4], [0, 1, 2, 3, 4]])
+@pytest.mark.parametrize("column", ["x", "y", "human_left", "shared_right"])
+def test_nan_in_a_log_makes_only_what_follows_from_it_nan(make, column, rows):
+    values = make(**path("left", "right"))[column].copy()
+    values[rows] = math.nan
+    columns = {**path("left", "right"), column: values}
+    measured = metrics(make(**columns, metadata={"route": "left_right"}))
+    moved = column in ("x", "y")
+    assert math.isnan(measured["path_length"]) == math.isnan(measured["smoothness"]) == moved
+    assert measured["clearance"] == 1.0
+    applied = rows != [4]
+    assert math.isnan(measured["human_effort"]) == (column == "human_left" and applied)
+    assert math.isnan(measured["dissimilarity"]) == (not moved and applied)
+
+
+def test_sides_are_judged_from_the_finite_positions(make):
+    columns = path("left", "left")
+    columns["x"][2] = math.nan
+    assert sides_passed(make(**columns)) == {"first": "left", "second": "left"}
+    assert sides_passed(make(x=np.full(5, math.nan))) == {}
+
+
 @pytest.mark.parametrize("rows", [1, 2])
-def test_the_shortest_of_logs_are_measured_without_a_warning(make, rows):
+def test_logs_of_one_or_two_rows_have_metrics(make, rows):
     measured = metrics(make(status="stopped", x=np.zeros(rows)))
     assert measured["path_length"] == 0.0
     assert measured["human_effort"] == 0.0
     assert not measured["success"]
 
 
-def test_all_measures_of_a_real_trial_are_plain_numbers(human_trial):
+def test_metrics_of_a_simulated_trial_are_plain_numbers(human_trial):
     measured = metrics(human_trial)
     assert all(value is None or isinstance(value, bool | int | float) for value in measured.values())
     assert measured["intent_success"] is True
@@ -228,7 +250,7 @@ def test_sparc_does_not_depend_on_the_amplitude():
     assert sparc(7.3 * BELL, 0.05) == pytest.approx(sparc(BELL, 0.05), rel=1e-9)
 
 
-def test_sparc_of_a_smooth_bell_is_nearer_to_0_than_of_a_jerky_one():
+def test_sparc_of_a_smooth_movement_is_nearer_to_0_than_of_a_jerky_one():
     jerky = BELL * (1 + 0.5 * np.sin(np.linspace(0, 16 * np.pi, 101)))
     two_bells = np.concatenate([BELL, np.zeros(20), BELL])
     assert sparc(jerky, 0.05) < sparc(BELL, 0.05) - 0.2
@@ -236,11 +258,11 @@ def test_sparc_of_a_smooth_bell_is_nearer_to_0_than_of_a_jerky_one():
     assert sparc(BELL, 0.05) < -1.0
 
 
-def test_sparc_does_not_depend_on_how_long_the_same_movement_takes():
+def test_sparc_does_not_depend_on_the_duration_of_the_same_movement():
     assert sparc(BELL, 0.1) == pytest.approx(sparc(BELL, 0.02), rel=1e-9)
 
 
-def test_sparc_by_hand_is_the_arc_length_of_the_normalised_spectrum():
+def test_sparc_is_the_arc_length_of_the_normalised_spectrum():
     period, size = 0.05, 2 ** (math.ceil(math.log2(101)) + 4)
     frequency = np.arange(size // 2 + 1) / (size * period)
     spectrum = np.abs([np.sum(BELL * np.exp(-2j * np.pi * f * period * np.arange(101))) for f in frequency])
@@ -250,12 +272,13 @@ def test_sparc_by_hand_is_the_arc_length_of_the_normalised_spectrum():
     assert sparc(BELL, period) == pytest.approx(-arc, rel=1e-9)
 
 
-def test_sparc_of_what_stands_still_cannot_be_said():
+def test_sparc_without_motion_or_with_nan_is_nan():
     assert math.isnan(sparc(np.zeros(50), 0.05))
+    assert math.isnan(sparc(np.where(np.arange(50) == 7, math.nan, 1.0), 0.05))
     assert math.isnan(sparc(np.ones(1), 0.05))
 
 
-def test_summary_of_a_measure_is_its_mean_with_students_interval():
+def test_summary_of_a_metric_is_its_mean_with_students_interval():
     summary = summarize([{"path_length": value} for value in (1.0, 2.0, 3.0, 6.0)])["path_length"]
     # t(0.975; 3) = 3.182, s = 2.160.
     assert summary["mean"] == 3.0
@@ -270,20 +293,20 @@ def test_summary_of_a_share_has_wilsons_interval():
     assert (summary["low"], summary["high"]) == pytest.approx((0.5958, 0.9821), abs=1e-4)
 
 
-def test_summary_of_a_share_of_all_is_not_certain():
+def test_interval_of_a_share_of_1_has_a_width():
     summary = summarize([{"success": True}] * 10)["success"]
     assert summary["mean"] == summary["high"] == 1.0
     assert summary["low"] == pytest.approx(0.7225, abs=1e-4)
 
 
-def test_trials_that_say_nothing_do_not_count():
+def test_undefined_values_do_not_count_in_a_summary():
     rows = [{"completion_time": 2.0}, {"completion_time": math.nan}, {"completion_time": 4.0}]
     assert summarize(rows)["completion_time"]["mean"] == 3.0
     assert summarize([{"intent_success": None}, {"intent_success": True}])["intent_success"]["mean"] == 1.0
     assert summarize([{"clearance": None}])["clearance"] == {"mean": None, "low": None, "high": None}
 
 
-def test_one_trial_has_no_interval_and_none_no_summary():
+def test_one_trial_has_no_interval_and_no_trials_are_refused():
     assert summarize([{"path_length": 2.0}])["path_length"] == {"mean": 2.0, "low": None, "high": None}
-    with pytest.raises(InputError, match="trials must be at least one"):
+    with pytest.raises(InputError, match="trials"):
         summarize([])
