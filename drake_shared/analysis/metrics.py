@@ -117,7 +117,7 @@ def metrics(trial: Trial) -> Metrics:
         "intervention_share": _mean(human_norm > 1e-9),
         "disagreement": float(difference.sum()),
         "disagreement_rate": float(difference @ period / period.sum()) if period.size else math.nan,
-        "saturated_share": _mean(saturated),
+        "saturated_share": _mean(np.asarray(saturated)),
         "dissimilarity": _mean(np.linalg.norm(human - shared, axis=1)),
         "agreement": agreement,
         "agreement_share": agreement_share,
@@ -130,7 +130,7 @@ def metrics(trial: Trial) -> Metrics:
     }
     if all(name in trial.columns for name in robot.columns("safe")):
         change = np.linalg.norm(trial.commands("safe")[applied] - shared, axis=1)
-        measured["safety_change"], measured["safety_share"] = _mean(change), _mean(change > 0.0)
+        measured["safety_change"], measured["safety_share"] = _mean(change), _mean(np.asarray(change > 0.0))
     return measured
 
 
