@@ -1,8 +1,8 @@
-"""What if another arbiter had divided the control: recorded human input, played in open loop.
+"""Counterfactual trials: recorded human input replayed in open loop under another arbiter.
 
-The person saw what the robot did then, not what it does now: as soon as the two part, the commands answer a
-world that is no longer there. So the outcome is marked as open loop wherever it goes, and measures are taken
-only until the robot has left the recorded way.
+The human reacted to the recorded motion of the robot. Once the replayed motion deviates from it, the commands
+no longer fit. So the result is marked as open loop in its metadata, and metrics cover only the time until the
+robot leaves the recorded path.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from drake_shared.simulation.faults import Faults
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 from drake_shared.systems.recorded_input import RecordedInput
 
-LEFT = 0.1
-"""The recorded way is left where both poses are so far apart, in [m]."""
-# What a trial ends in says nothing of one that is looked at only in part.
-_OF_THE_END = ("success", "intent_success", "timeout", "completion_time")
+MAX_DEVIATION = 0.1
+"""Distance of the replayed from the recorded position at which the recorded path is left, in [m]."""
+# Metrics that the end of a trial decides: undefined for a part of it.
+_OUTCOMES = ("success", "intent_success", "timeout", "completion_time")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,9 +35,9 @@ class Counterfactual:
     """A recorded human input under another arbiter.
 
     Attributes:
-        trial: What happened, up to the time at which the record ends. Its metadata say ``open_loop``, when
-            the recorded pose was left, and whose trial was recorded.
-        left_at: When the pose had left the recorded one by LEFT, in [s]; None if it never did.
+        trial: The replayed trial, up to the end of the recording. Its metadata hold ``open_loop``, the time
+            at which the recorded path was left, and the recorded trial's operator and arbitration.
+        left_at: Time at which the position deviated by MAX_DEVIATION, in [s]; None if it never did.
     """
 
     trial: Trial
@@ -45,19 +45,22 @@ class Counterfactual:
 
     @property
     def until_left(self) -> Trial:
-        """The part of the trial in which the human input is still an answer to what the robot does."""
+        """The part of the trial before the recorded path is left, in which the human input is valid."""
         if self.left_at is None:
             return self.trial
         rows = slice(0, int(self.trial["t"].searchsorted(self.left_at)) + 1)
         columns = {name: values[rows] for name, values in self.trial.columns.items()}
         return Trial(columns=columns, metadata={**self.trial.metadata, "status": "left_recorded_pose"})
 
-    def measures(self) -> dict[str, Any]:
-        """The measures of that part; what the end of a trial decides is None if the end is not in it."""
+    def metrics(self) -> dict[str, Any]:
+        """The metrics of that part; None for those that the end of a trial decides, if it is not in it."""
         measured: dict[str, Any] = {**metrics(self.until_left)}
         if self.left_at is not None:
-            measured |= dict.fromkeys(_OF_THE_END)
+            measured |= dict.fromkeys(_OUTCOMES)
         return measured
+
+    measures = metrics
+    """The name of this method in version 0.1.0."""
 
 
 def play_open_loop(
@@ -67,10 +70,10 @@ def play_open_loop(
     arbiter: LeafSystem | None = None,
     learner: Learner | None = None,
 ) -> Counterfactual:
-    """Plays the human commands of ``recorded``, from where it began, under another arbiter.
+    """Replays the human commands of ``recorded``, from the same start, under another arbiter.
 
     Args:
-        recorded: The trial.
+        recorded: The recorded trial.
         config: How control is shared; if None, as in the recorded trial, but without its faults and its
             safety filter.
         arbiter: A system in place of the config's arbiter.
@@ -80,30 +83,30 @@ def play_open_loop(
         InputError: The log holds no valid scenario or config, there is no such arbiter, or the commands are
             not finite.
     """
-    told = recorded.metadata
-    scenario = scenario_from_dict(told["scenario"], source="the log's scenario")
+    metadata = recorded.metadata
+    scenario = scenario_from_dict(metadata["scenario"], source="the log's scenario")
     x, y, yaw = (float(recorded[name][0]) for name in ("x", "y", "yaw"))
     simulation = Simulation(
         dataclasses.replace(scenario, start=Start(x=x, y=y, yaw=yaw)),
         learner=learner,
-        config=config or open_loop_config(told),
+        config=config or open_loop_config(metadata),
         operator=RecordedInput(period=scenario.control_period),
         arbiter=arbiter,
     )
-    same_learner = learner is not None and learner.metadata.get("id") == told.get("learner_id")
+    same_learner = learner is not None and learner.metadata.get("id") == metadata.get("learner_id")
     running = simulation.begin(
         TrialSettings(
-            route=told.get("route"),
-            then=told.get("then"),
-            # The last row of a log was never applied.
+            route=metadata.get("route"),
+            then=metadata.get("then"),
+            # The last row of a log is not applied.
             recording=recorded.commands("human")[:-1],
-            confidence_gain=_confidence_gain(told) if same_learner else None,
+            confidence_gain=_confidence_gain(metadata) if same_learner else None,
         )
     )
-    # Of what the person would have done after the end of the record nothing is known.
+    # Nothing is known about the human input after the end of the recording.
     running.advance(float(recorded["t"][-1]))
     left_at = _left_at(recorded, running.finish())
-    source = {name: told.get(name) for name in ("operator", "mode", "arbitration", "seed", "status")}
+    source = {name: metadata.get(name) for name in ("operator", "mode", "arbitration", "seed", "status")}
     trial = running.finish(
         running.status or "record_ended", open_loop=True, left_recorded_pose_at=left_at, recorded=source
     )
@@ -112,9 +115,9 @@ def play_open_loop(
 
 def _left_at(recorded: Trial, played: Trial) -> float | None:
     rows = min(len(recorded["t"]), len(played["t"]))
-    apart = np.hypot(*(played.positions[:rows] - recorded.positions[:rows]).T)
-    # A log may hold NaN where somebody wrote it by hand: nobody is there.
-    left = np.flatnonzero(~(apart < LEFT))
+    deviation = np.linalg.norm(played.positions[:rows] - recorded.positions[:rows], axis=1)
+    # NaN, possible in a log from elsewhere, counts as a deviation.
+    left = np.flatnonzero(~(deviation < MAX_DEVIATION))
     return float(played["t"][left[0]]) if left.size else None
 
 

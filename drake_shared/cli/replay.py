@@ -81,7 +81,7 @@ class Replay:
         return dataclasses.replace(config, authority=self.authority) if self.authority_given else config
 
     def _play(self, recorded: Trial, learner: Learner | None) -> None:
-        from drake_shared.analysis.counterfactual import LEFT, play_open_loop
+        from drake_shared.analysis.counterfactual import MAX_DEVIATION, play_open_loop
         from drake_shared.analysis.replay import write_replay
 
         config = self._config(recorded.metadata, learner)
@@ -89,14 +89,14 @@ class Replay:
             raise InputError("--model", "", "must be given: the learner of this log was not found")
         played = play_open_loop(recorded, config=config, learner=learner)
         when = (
-            f"the pose never left the recorded one by {LEFT} m"
+            f"the pose never left the recorded one by {MAX_DEVIATION} m"
             if played.left_at is None
-            else f"the pose left the recorded one by {LEFT} m at {played.left_at:.2f} s"
+            else f"the pose left the recorded one by {MAX_DEVIATION} m at {played.left_at:.2f} s"
         )
         name = self.arbitration or config.arbitration
         note = f"Open loop: recorded input under arbitration {name!r}; {when}"
         write_replay(played.trial, self.out, learner=learner, recorded=recorded.positions, note=note)
-        measures = played.measures()
+        measures = played.metrics()
         if self.json:
             result = {"open_loop": True, "arbitration": played.trial.metadata["arbitration"]}
             print_json(result | {"left_recorded_pose_at": played.left_at, "metrics": measures})

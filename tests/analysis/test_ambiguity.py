@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from drake_shared.analysis.ambiguity import Ambiguity, ambiguity, ambiguity_ranking, mean_weights
+from drake_shared.robots import DiffDrive
+from drake_shared.robots.description import describe_robot
 from drake_shared.simulation.trial import Trial
 
 TIMES = np.arange(0.0, 10.05, 0.1)
@@ -18,7 +20,7 @@ FORK = np.stack([ALONG, np.maximum(ALONG - 2.0, 0.0)], axis=-1)
 def driven(path: np.ndarray, weight: np.ndarray | None = None) -> Trial:
     weight = np.zeros(len(path)) if weight is None else weight
     columns = {"t": 0.05 * np.arange(len(path)), "x": path[:, 0], "y": path[:, 1], "human_weight": weight}
-    return Trial(columns=columns, metadata={})
+    return Trial(columns=columns, metadata={"robot": describe_robot(DiffDrive()).to_json()})
 
 
 @pytest.mark.parametrize("own", [STRAIGHT, FORK])

@@ -1,4 +1,4 @@
-"""Fitting an operator: known simulated ones are found again, and what cannot be fitted is refused."""
+"""Fit of an operator: recovers known simulated ones, and refuses unsuitable trials."""
 
 import dataclasses
 from pathlib import Path
@@ -53,7 +53,7 @@ def plain(simulation) -> list[Trial]:
         ("shared", {"skill": 0.6, "delay": 0.1, "yielding": 0.5}),
     ],
 )
-def test_a_known_operator_is_found_again_from_ten_trials(simulation, mode, behaviour):
+def test_the_parameters_of_a_simulated_operator_are_recovered_from_ten_trials(simulation, mode, behaviour):
     fit = fit_operator(drives(simulation, mode=mode, **behaviour))
     true = Behaviour(**behaviour)
     assert fit.skill.value == pytest.approx(true.skill, rel=0.1)
@@ -69,9 +69,9 @@ def test_a_known_operator_is_found_again_from_ten_trials(simulation, mode, behav
     assert fit.skill.low < true.skill < fit.skill.high
 
 
-def test_the_interval_tells_how_many_trials_it_takes(simulation, plain):
-    # Much noise and a firm hand: what ten such trials hold bounds the error of skill at 7% (one standard
-    # deviation, Cramer and Rao), so that 10% needs more of them.
+def test_the_interval_narrows_with_more_trials(simulation, plain):
+    # With this noise and skill the Cramer-Rao bound of ten trials is a standard deviation of 7% of skill,
+    # so 10% needs more of them.
     trials = drives(simulation, count=30, delay=0.1, noise=0.3)
     few, many = fit_operator(trials[:10]).skill, fit_operator(trials).skill
     assert few.low < 1.0 < few.high
@@ -81,7 +81,7 @@ def test_the_interval_tells_how_many_trials_it_takes(simulation, plain):
     assert (alone.trials, alone.skill.low, alone.delay.high) == (1, None, None)
 
 
-def test_a_late_slow_operator_who_rests_is_found_again(simulation):
+def test_late_start_speed_and_pauses_do_not_bias_the_fit(simulation):
     fit = fit_operator(
         drives(simulation, late_start=1.0, speed_factor=0.9, pause_time=4.0, pause=1.0, skill=0.8)
     )
@@ -90,55 +90,55 @@ def test_a_late_slow_operator_who_rests_is_found_again(simulation):
     assert fit.delay.value == pytest.approx(0.2, abs=0.02)
 
 
-def test_goodness_of_fit_tells_an_operator_whom_the_model_does_not_know(simulation, plain):
+def test_goodness_of_fit_is_low_for_behaviour_outside_the_model(simulation, plain):
     known = fit_operator(plain)
     unknown = fit_operator(drives(simulation, random_share=0.3, count=4))
     assert known.explained > 0.99
     assert unknown.explained < 0.7
 
 
-def test_what_was_set_is_told_where_all_had_the_same(simulation, plain):
+def test_settings_are_those_that_all_trials_share(simulation, plain):
     assert settings_of(plain) == {name: getattr(Behaviour(), name) for name in FITTED}
     other = drives(simulation, count=1, skill=0.5)
     assert "skill" not in settings_of([*plain, *other])
 
 
-def told(trial: Trial, **metadata) -> Trial:
+def changed(trial: Trial, **metadata) -> Trial:
     return dataclasses.replace(trial, metadata={**trial.metadata, **metadata})
 
 
-def test_a_person_is_no_simulated_operator(plain):
+def test_trials_of_a_person_are_not_simulated(plain):
     assert fit_operator(plain[:2]).simulated
-    assert not fit_operator([told(trial, operator="MouseInput") for trial in plain[:2]]).simulated
+    assert not fit_operator([changed(trial, operator="MouseInput") for trial in plain[:2]]).simulated
 
 
 @pytest.mark.parametrize(
-    ("metadata", "said"),
+    ("metadata", "field"),
     [
-        ({"mode": "agent"}, "second: mode must be shared or human: nobody steers, got 'agent'"),
-        ({"route": None}, "second: route must be given"),
-        ({"then": "left_left"}, "second: then must not be given"),
-        ({"operator": "RecordedInput"}, "second: operator must be one who answers what is seen"),
-        ({"operator": "MouseInput"}, "second: operator must be that of first"),
-        ({"preset": "paper"}, "second: preset must be that of first"),
-        ({"scenario": {"name": "other"}}, "second: scenario must be that of first"),
+        ({"mode": "agent"}, "mode"),
+        ({"route": None}, "route"),
+        ({"then": "left_left"}, "then"),
+        ({"operator": "RecordedInput"}, "operator"),
+        ({"operator": "MouseInput"}, "operator"),
+        ({"preset": "paper"}, "preset"),
+        ({"scenario": {"name": "other"}}, "scenario"),
     ],
 )
-def test_trials_that_do_not_belong_together_are_refused(plain, metadata, said):
-    with pytest.raises(InputError, match=said):
-        fit_operator([plain[0], told(plain[1], **metadata)], names=["first", "second"])
+def test_trials_that_do_not_belong_together_are_refused(plain, metadata, field):
+    with pytest.raises(InputError, match=f"second: {field}"):
+        fit_operator([plain[0], changed(plain[1], **metadata)], names=["first", "second"])
 
 
 def test_trials_without_motion_or_commands_or_rows_are_refused(simulation, plain):
     still = {name: np.repeat(column[:1], len(column)) for name, column in plain[0].columns.items()}
     still["t"] = plain[0]["t"]
-    with pytest.raises(InputError, match=r"trial 0 must hold motion of at least 0\.5 m"):
+    with pytest.raises(InputError, match="trial 0 must hold motion"):
         fit_operator([dataclasses.replace(plain[0], columns=still)])
     hands_off = {**plain[0].columns, "human_left": 0 * plain[0]["t"], "human_right": 0 * plain[0]["t"]}
-    with pytest.raises(InputError, match="trial 0 must hold commands of the human"):
+    with pytest.raises(InputError, match="trial 0 must hold human commands"):
         fit_operator([dataclasses.replace(plain[0], columns=hands_off)])
     sparse = {name: column[::2] for name, column in plain[0].columns.items()}
-    with pytest.raises(InputError, match=r"trial 0: t must have a row each 0\.05 s"):
+    with pytest.raises(InputError, match="trial 0: t "):
         fit_operator([dataclasses.replace(plain[0], columns=sparse)])
-    with pytest.raises(InputError, match="fit: trials must be at least one"):
+    with pytest.raises(InputError, match="trials"):
         fit_operator([])

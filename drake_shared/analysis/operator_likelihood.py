@@ -1,0 +1,221 @@
+"""Likelihood of recorded human commands under the steering law of the simulated operator.
+
+The law of :class:`drake_shared.operators.steering.SteeringLaw` with first-order (Ornstein-Uhlenbeck) noise
+predicts each command from the poses before. The likelihood is evaluated on a grid of delays and yielding, at
+each point of which skill and noise have closed forms.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drake_shared.common.errors import InputError
+from drake_shared.operators.steering import Pose, SteeringLaw
+from drake_shared.scenario import Scenario
+from drake_shared.scenario.paths import Path
+from drake_shared.simulation.trial import Trial
+
+Floats = NDArray[np.float64]
+
+# Share of the wheels' limit below which a command shows the intended one: noise is added after clipping.
+_UNSATURATED = 0.9
+# Bounds of the autocorrelation of the noise at one step.
+_CORRELATIONS = (1e-6, 0.99)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Optimum:
+    """The parameters of maximum likelihood.
+
+    Attributes:
+        cost: Twice the negative log-likelihood, up to a constant.
+        delay, yielding, skill: As in :class:`drake_shared.operators.behaviour.Behaviour`.
+        correlation: Autocorrelation of the noise at one step.
+        innovation: Standard deviation of the noise's innovation at each step, in [rad/s].
+    """
+
+    cost: float
+    delay: float
+    yielding: float
+    skill: float
+    correlation: float
+    innovation: float
+
+    def behaviour(self, period: float) -> dict[str, float]:
+        """The fitted parameters of a simulated operator, by name; ``period`` in [s]."""
+        return {
+            "skill": self.skill,
+            "delay": self.delay,
+            "noise": self.innovation / math.sqrt(1.0 - self.correlation**2),
+            "noise_time": -period / math.log(self.correlation),
+            "yielding": self.yielding,
+        }
+
+
+class DriveLikelihood:
+    """The commands of one trial and the commands of the steering law at the same poses.
+
+    Args:
+        trial: The log.
+        scenario: Its scenario.
+        path: The intended path.
+        name: Of the trial, for errors.
+
+    Attributes:
+        commands: Shape (n, 2), in [rad/s]; row k is the reaction to pose k.
+        informative: Whether row k counts, with a command and wheels below their limit: shape (n,).
+        least_weight: Minimum of the human weight.
+
+    Raises:
+        InputError: The rows are not one period apart, or fewer than ten steps in a row are informative.
+    """
+
+    def __init__(self, trial: Trial, scenario: Scenario, path: Path, name: str) -> None:
+        period = scenario.control_period
+        if not np.allclose(np.diff(trial["t"]), period, atol=1e-6):
+            raise InputError(name, "t", f"must have a row each {period} s")
+        self._law = SteeringLaw(scenario)
+        self._robot = scenario.robot
+        self._path = path
+        poses = np.stack([trial["x"], trial["y"], trial["yaw"]], axis=-1)[:-1]
+        # Interpolation between poses needs a continuous yaw.
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        self._observed = np.concatenate([poses[::-1].ravel(), self._law.initial_memory])
+        self._count = len(poses)
+        self.commands = trial.commands("human")[1:]
+        self._weight = trial["human_weight"][:-1]
+        self.least_weight = float(self._weight.min())
+        hands_off = (self.commands == 0.0).all(axis=1)
+        self._hands_on = ~hands_off
+        self._max_speed = _UNSATURATED * scenario.robot.max_wheel_speed
+        # While the operator gives no command, the planned motion does not advance.
+        self._time = (trial["t"][:-1] - period * np.cumsum(hands_off)).tolist()
+        self._observations: dict[float, list[tuple[Pose, float]]] = {}
+        self.select_informative(0.0)
+        if self._pairs.sum() < 10:
+            raise InputError(name, "", "must hold human commands in at least ten steps in a row")
+
+    def select_informative(self, yielding: float) -> None:
+        """Selects the informative rows for an operator with this yielding."""
+        intended = np.abs(self.commands).max(axis=1) / (1.0 - yielding * (1.0 - self._weight))
+        self.informative = self._hands_on & (intended < self._max_speed)
+        self._pairs = self.informative[1:] & self.informative[:-1]
+
+    def _observe(self, delay: float) -> list[tuple[Pose, float]]:
+        """The delayed pose and the arc length reached along the path, at each step."""
+        if delay not in self._observations:
+            law, reached, observed = self._law, 0.0, []
+            for index in range(self._count):
+                pose = law.recall(self._observed[3 * (self._count - 1 - index) :], delay)
+                reached = law.progress(self._path, pose, reached)
+                observed.append((pose, reached))
+            self._observations[delay] = observed
+        return self._observations[delay]
+
+    def _law_commands(self, delay: float, speed_factor: float) -> tuple[Floats, Floats]:
+        """Wheel speeds (n, 2) of the law at skill 0, and their increase per unit of skill, in [rad/s]."""
+        rows = [
+            self._law.steer(self._path, pose, reached, time=time, delay=delay, speed_factor=speed_factor)
+            for time, (pose, reached) in zip(self._time, self._observe(delay), strict=True)
+        ]
+        speed, turn, correction = np.array(rows).T
+        half = 0.5 * self._robot.track
+        base = np.stack([speed - half * turn, speed + half * turn], axis=-1) / self._robot.wheel_radius
+        per_skill = np.stack([-half * correction, half * correction], axis=-1) / self._robot.wheel_radius
+        return base, per_skill
+
+    def sums(self, delays: Floats, yielding: Floats, speed_factor: float) -> Floats:
+        """Sufficient statistics of the likelihood: shape (delays, yielding, 11), additive over trials.
+
+        With u the residual at skill 0 and f its decrease per unit of skill, these are, over pairs of steps:
+        the sums of u u, u f and f f of the later step, of the earlier step, and of the products of both; then
+        the sum of log(1 - yielding (1 - w)) and the number of commands.
+        """
+        kept = 1.0 - yielding[:, None] * (1.0 - self._weight)
+        intended = self.commands[None] / kept[..., None]
+        jacobian = 2.0 * np.log(kept[:, 1:][:, self._pairs]).sum(axis=1)
+        count = np.full(len(yielding), 2.0 * self._pairs.sum())
+        table = []
+        for delay in delays:
+            base, per_skill = self._law_commands(float(delay), speed_factor)
+            u = intended - base
+            now, before = u[:, 1:][:, self._pairs], u[:, :-1][:, self._pairs]
+            f, f_before = per_skill[1:][self._pairs], per_skill[:-1][self._pairs]
+            ff, ff_before, ff_both = ((a * b).sum() for a, b in ((f, f), (f_before, f_before), (f, f_before)))
+            each = np.ones(len(yielding))
+            table.append(
+                np.stack(
+                    [
+                        *((now * now).sum((1, 2)), (now * f).sum((1, 2)), ff * each),
+                        *((before * before).sum((1, 2)), (before * f_before).sum((1, 2)), ff_before * each),
+                        (now * before).sum((1, 2)),
+                        (now * f_before).sum((1, 2)) + (before * f).sum((1, 2)),
+                        *(ff_both * each, jacobian, count),
+                    ],
+                    axis=-1,
+                )
+            )
+        return np.stack(table)
+
+    def squared_errors(self, best: Optimum, speed_factor: float) -> tuple[float, float, int]:
+        """Sums of squared errors of the law and of its one-step prediction, and the number of steps."""
+        base, per_skill = self._law_commands(best.delay, speed_factor)
+        kept = (1.0 - best.yielding * (1.0 - self._weight))[:, None]
+        error = self.commands - kept * (base + best.skill * per_skill)
+        noise = error / kept
+        ahead = error.copy()
+        ahead[1:][self._pairs] -= (kept[1:] * best.correlation * noise[:-1])[self._pairs]
+        rows = self.informative
+        return float((error[rows] ** 2).sum()), float((ahead[rows] ** 2).sum()), int(rows.sum())
+
+
+def maximize_likelihood(sums: Floats, delays: Floats, yielding: Floats) -> Optimum:
+    """The maximum over a grid of delays and yielding, interpolated between its points.
+
+    Args:
+        sums: As `DriveLikelihood.sums` returns them, added over trials.
+        delays: Of the grid, in [s].
+        yielding: Of the grid.
+    """
+    uu, uf, ff, uu_before, uf_before, ff_before, uu_both, uf_both, ff_both, jacobian, count = np.moveaxis(
+        sums, -1, 0
+    )
+    correlation = np.full(uu.shape, 0.5)
+    # Alternating maximisation: each parameter has a closed form given the other.
+    for _ in range(12):
+        skill = (uf - correlation * uf_both + correlation**2 * uf_before) / (
+            ff - 2.0 * correlation * ff_both + correlation**2 * ff_before
+        )
+        now = uu - 2.0 * skill * uf + skill**2 * ff
+        before = uu_before - 2.0 * skill * uf_before + skill**2 * ff_before
+        both = uu_both - skill * uf_both + skill**2 * ff_both
+        correlation = np.clip(both / before, *_CORRELATIONS)
+    squares = np.maximum(now - 2.0 * correlation * both + correlation**2 * before, 1e-12)
+    cost = count * np.log(squares / count) + 2.0 * jacobian
+    row, column = np.unravel_index(cost.argmin(), cost.shape)
+
+    def value(table: Floats) -> float:
+        return float(table[row, column])
+
+    return Optimum(
+        cost=value(cost),
+        delay=_interpolate_minimum(delays, cost[:, column], int(row)),
+        yielding=_interpolate_minimum(yielding, cost[row], int(column)),
+        skill=value(skill),
+        correlation=value(correlation),
+        innovation=math.sqrt(value(squares) / value(count)),
+    )
+
+
+def _interpolate_minimum(grid: Floats, values: Floats, index: int) -> float:
+    """The minimum of the parabola through the lowest point of an even grid and its neighbours."""
+    if not 0 < index < len(grid) - 1:
+        return float(grid[index])
+    before, at, after = values[index - 1 : index + 2].tolist()
+    curvature = before - 2.0 * at + after
+    shift = 0.5 * (before - after) / curvature if curvature > 0 else 0.0
+    return float(grid[index] + shift * (grid[1] - grid[0]))
