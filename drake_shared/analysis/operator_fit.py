@@ -1,7 +1,7 @@
 """Fit of a simulated operator to recorded trials: skill, delay, noise and yielding.
 
-The fit is by maximum likelihood; see `drake_shared.analysis.operator_likelihood`. A fit to a person is a model
-of these drives, with its goodness of fit, and does not predict that person's behaviour elsewhere.
+The fit is by maximum likelihood, see `drake_shared.analysis.operator_likelihood`. A fit to a person models
+these drives, with its goodness of fit, and does not predict that person's behaviour elsewhere.
 
 Ten trials determine the delay to about 10 ms. Skill is less certain, since errors to correct arise only from
 noise or the agent; its confidence interval shows how much.
