@@ -19,7 +19,9 @@ from matplotlib.patches import Circle as Disc, Rectangle
 from matplotlib.transforms import Affine2D
 
 from drake_shared import (
+    Authority,
     Scenario,
+    SharedControlConfig,
     Simulation,
     Trial,
     TrialSettings,
@@ -71,13 +73,13 @@ def prediction() -> Figure:
     scenario = load_scenario("two_obstacles")
     simulation = Simulation(scenario, learner=load_learner("two_obstacles"))
     running = simulation.begin(TrialSettings(route="right_left", seed=1))
-    estimator, blender = simulation.parts.estimator, simulation.parts.blender
+    estimator, arbiter = simulation.parts.estimator, simulation.parts.arbiter
     figure, axes = plt.subplots(2, 2, figsize=(9, 5), layout="constrained", sharex=True, sharey=True)
     for axis, time in zip(axes.flat, (0.2, 2.5, 5.0, 7.0), strict=True):
         running.advance(time)
         trial = running.finish()
         intention = estimator.GetOutputPort("intention").Eval(estimator.GetMyContextFromRoot(running.root))
-        w = blender.GetOutputPort("human_weight").Eval(blender.GetMyContextFromRoot(running.root)).item()
+        w = arbiter.GetOutputPort("human_weight").Eval(arbiter.GetMyContextFromRoot(running.root)).item()
         draw_scene(axis, scenario)
         for path in simulation.learner.demonstrations:
             axis.plot(*path.T, color="0.8", linewidth=1, zorder=0)
@@ -146,7 +148,8 @@ def authority() -> Figure:
     for path in learner.demonstrations:
         paths.plot(*path.T, color="0.8", linewidth=1, zorder=0)
     for name, on, style in (("with authority", True, "-"), ("without", False, "--")):
-        simulation = Simulation(scenario, learner=learner, authority=on)
+        config = SharedControlConfig(authority=Authority(enabled=on))
+        simulation = Simulation(scenario, learner=learner, config=config)
         trial = simulation.run(TrialSettings(route="left_left", seed=2))
         paths.plot(trial["x"], trial["y"], style, color=HUMAN, label=name)
         touched = np.flatnonzero(trial["contact"])[:1]
