@@ -6,13 +6,14 @@ import dataclasses
 import json as json_library
 from pathlib import Path
 
+from drake_shared.cli.command import Command
 from drake_shared.cli.common import print_json, say
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_writable, replacing
 
 
 @dataclasses.dataclass(kw_only=True)
-class Benchmark:
+class Benchmark(Command):
     """Measures predictions, trials, training, batches, growth and safety, each as ratios within one run."""
 
     out: Path | None = None

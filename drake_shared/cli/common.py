@@ -1,4 +1,4 @@
-"""What several subcommands share: which learner to take, and how results leave."""
+"""Shared by several commands: messages, the learner, and results as JSON."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from drake_shared.scenario import Scenario
 
 
 def say(message: str) -> None:
-    """Tells the person at the keyboard; standard output is for results alone."""
+    """Prints a message to standard error; standard output is for results."""
     print(message, file=sys.stderr, flush=True)
 
 
 def choose_model(scenario: Scenario, model: Path | None, preset: str) -> Path:
-    """The file of the learner to take: the one given, or the one that ships for the scenario.
+    """The learner's file: ``model``, or the one that ships for the scenario and preset.
 
     Raises:
-        InputError: None is given and none ships.
+        InputError: ``model`` is None and none ships.
     """
     if model is not None:
         return model
@@ -34,13 +34,13 @@ def choose_model(scenario: Scenario, model: Path | None, preset: str) -> Path:
 
 
 def open_learner(scenario: Scenario, model: Path | None, preset: str) -> tuple[Learner, Path]:
-    """Loads the learner to take, and says so if it was taught another scenario."""
+    """Loads the learner of `choose_model`; a warning says if it was trained for another scenario."""
     path = choose_model(scenario, model, preset)
     return load_learner_for(scenario.name, path), path
 
 
 def load_learner_for(scenario: str, path: Path) -> Learner:
-    """Loads a learner, and says so if it was taught another scenario than that of the name."""
+    """Loads a learner; a warning says if it was trained for another scenario than ``scenario``."""
     learner = load_learner(path)
     taught = learner.metadata.get("scenario")
     if taught not in (None, scenario):
@@ -49,7 +49,7 @@ def load_learner_for(scenario: str, path: Path) -> Learner:
 
 
 def print_json(value: Any) -> None:
-    """Writes one JSON object to standard output; what is no finite number becomes null."""
+    """Prints one JSON object to standard output; NaN and infinity become null."""
     print(json.dumps(_plain(value), allow_nan=False))
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from drake_shared.cli.command import Command
 from drake_shared.cli.common import print_json
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ _UNITS = {"skill": "", "delay": "s", "noise": "rad/s", "noise_time": "s", "yield
 
 
 @dataclasses.dataclass(kw_only=True)
-class FitOperator:
+class FitOperator(Command):
     """Fits skill, delay, noise and yielding of a simulated operator to recorded drives, and says how well."""
 
     logs: Annotated[tuple[Path, ...], tyro.conf.Positional]

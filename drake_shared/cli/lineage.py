@@ -9,11 +9,12 @@ from typing import Annotated
 import tyro
 
 from drake_shared.analysis.lineage import DataFile, Generation, driver_of
+from drake_shared.cli.command import Command
 from drake_shared.cli.common import print_json
 
 
 @dataclasses.dataclass(kw_only=True)
-class Lineage:
+class Lineage(Command):
     """Prints the training data of a learner and the learners that took part in recording it; to roll back,
     give one of these to --model."""
 

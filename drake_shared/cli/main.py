@@ -13,10 +13,11 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import tyro
 
+from drake_shared.cli.command import Command
 from drake_shared.cli.messages import usage_error
 from drake_shared.cli.old_spellings import translate
 from drake_shared.common.errors import DrakeSharedError, InputError
@@ -34,13 +35,6 @@ COMMANDS = {
     "reproduce": "reproduce:Reproduce",
     "benchmark": "benchmark:Benchmark",
 }
-
-
-class Command(Protocol):
-    """A dataclass whose fields are the options of a command."""
-
-    def run(self) -> None:
-        """Runs the command."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -70,7 +64,7 @@ def parse(arguments: Sequence[str]) -> Command:
     name, options = (arguments[0], translate(arguments[1:])) if arguments else ("", [])
     known = name in COMMANDS
     kind: Any = _class_of(name) if known else functools.reduce(operator.or_, _subcommands())
-    defaults = kind.defaults(options) if hasattr(kind, "defaults") else {}
+    defaults = kind.defaults(options) if known else {}
     with usage_error():
         command: Command = tyro.cli(
             kind,

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from drake_shared.cli.command import Command
 from drake_shared.common.errors import InputError
 from drake_shared.simulation.config import SharedControlConfig, config_for, load_config
 
@@ -19,7 +20,7 @@ Control = Annotated[SharedControlConfig, tyro.conf.arg(name=""), tyro.conf.FlagC
 
 
 @dataclasses.dataclass(kw_only=True)
-class ControlOptions:
+class ControlOptions(Command):
     """Options of commands that run trials."""
 
     scenario: str | None = None

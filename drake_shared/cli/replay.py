@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from drake_shared.arbitration.authority import Authority
+from drake_shared.cli.command import Command
 from drake_shared.cli.common import load_learner_for, print_json, say
 from drake_shared.common.errors import InputError
 from drake_shared.simulation.config import SharedControlConfig, config_for, load_config
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclasses.dataclass(kw_only=True)
-class Replay:
+class Replay(Command):
     """Writes a trial as a stand-alone web page: robot, path and changing prediction."""
 
     log: Annotated[Path, tyro.conf.Positional]

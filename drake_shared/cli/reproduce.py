@@ -6,12 +6,13 @@ import dataclasses
 import os
 from pathlib import Path
 
+from drake_shared.cli.command import Command
 from drake_shared.cli.common import print_json, say
 from drake_shared.common.errors import InputError
 
 
 @dataclasses.dataclass(kw_only=True)
-class Reproduce:
+class Reproduce(Command):
     """Does the paper's experiments, and those that it leaves out, with simulated operators, and reports."""
 
     out: Path

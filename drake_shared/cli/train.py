@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from drake_shared.analysis.weight_figure import draw_weights
+from drake_shared.cli.command import Command
 from drake_shared.cli.common import print_json, say
 from drake_shared.common.files import check_target
 from drake_shared.demonstrations import (
@@ -18,7 +19,7 @@ from drake_shared.demonstrations import (
 
 
 @dataclasses.dataclass(kw_only=True)
-class Train:
+class Train(Command):
     """Trains a learner on demonstrations and logs (logs that reached the goal without contact)."""
 
     demos: tuple[Path, ...]

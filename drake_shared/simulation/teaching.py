@@ -1,4 +1,4 @@
-"""Demonstrations made by driving: a simulated operator drives each route alone."""
+"""Demonstrations by a simulated operator that drives each route alone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drake_shared.systems.surrogate_operator import Behaviour
 
 
 def demonstration_of(trial: Trial, *, score: float) -> Demonstration:
-    """The way driven in a trial, as a demonstration with ``score``."""
+    """The path of a trial, as a demonstration with ``score``."""
     return Demonstration(
         times=trial["t"],
         positions=trial.positions,
@@ -42,8 +42,8 @@ def teach(
 
     Args:
         scenario: The task; its routes are driven in turn.
-        count: How many; one for each route if None.
-        seed: Of the first; each following one has the next.
+        count: Number of demonstrations; one for each route if None.
+        seed: Of the first trial; each following one has the next.
         config: Look-ahead, safety filter and faults; the human drives alone in any case.
         behaviour: Of the operator.
 

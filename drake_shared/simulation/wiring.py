@@ -12,7 +12,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Multiplexer, RandomSource, VectorLogSink
 
 from drake_shared.common.errors import InputError
-from drake_shared.learners import Learner
+from drake_shared.learners import Learner, check_learner
 from drake_shared.learners.no_learner import NoLearner
 from drake_shared.robots import DiffDrive, Robot, check_robot
 from drake_shared.scenario import Scenario
@@ -84,6 +84,8 @@ class Wiring:
         register_obstacles(scene_graph, scenario.static_obstacles)
         AddMovingObstacles(self._builder, scene_graph, scenario.obstacles)
         check_operator(operator, robot)
+        if learner is not None:
+            check_learner(learner)
         self._add("operator", operator)
         estimator = self._add(
             "intention_estimator",
