@@ -1,20 +1,25 @@
-"""How the figures of a report look: one colour for one thing, told apart by the colour-blind too."""
+"""The style of the report's figures; its colours are distinguishable by the colour-blind."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from drake_shared.analysis.statistics import Estimate
 from drake_shared.scenario import Scenario, obstacles
 
 if TYPE_CHECKING:
-    import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
 # The palette of Okabe and Ito 2008.
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILION, PURPLE = (
-    *("#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7"),
+BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
+    *("#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7"),
 )
 COLOURS = {
     "human": BLUE,
@@ -29,15 +34,15 @@ COLOURS = {
     "demonstration": "0.45",
 }
 ROUTES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
-"""Of a scenario's routes, in their order."""
+"""Colours of the routes of a scenario, in their order."""
 WIDTH = 8.0
 """Of a figure, in inches."""
 _BAND_STEP = 0.1
-"""Between the points of a band's edge, in [m] along the path."""
+"""Distance between points of the edge of a band, in [m] along the path."""
 
 
 def new_figure(height: float, *, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, Any]:
-    """A figure of the report's width with its axes, as `matplotlib.figure.Figure.subplots` gives them.
+    """A figure of the width of the report with its axes, as `matplotlib.figure.Figure.subplots` returns them.
 
     Args:
         height: In inches.
@@ -57,33 +62,43 @@ def new_figure(height: float, *, rows: int = 1, columns: int = 1, **options: Any
 
 
 def legend_below(figure: Figure, handles: Any, labels: Sequence[str] | None = None, *, columns: int) -> None:
-    """One legend for all axes of a figure, below them.
+    """Adds one legend for all axes of a figure, below them.
 
     Args:
-        figure: Of `new_figure`.
-        handles, labels: What is explained, and by what words; default: those that the handles have.
-        columns: How many entries stand side by side.
+        figure: From `new_figure`.
+        handles, labels: Of the entries; default: the labels of the handles.
+        columns: Number of entries in a line.
     """
     words = [handle.get_label() for handle in handles] if labels is None else labels
     figure.legend(handles, words, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
 
 
 def draw_scene(axes: Axes, scenario: Scenario) -> None:
-    """Obstacles, start and goal from above, in [m], to scale."""
+    """Draws obstacles, start and goal from above, in [m], to scale."""
     from matplotlib.patches import Circle
 
     for obstacle in scenario.obstacles:
-        axes.add_patch(obstacle_patch(obstacle))
+        axes.add_patch(_outline(obstacle))
     goal = scenario.goal
     axes.add_patch(Circle((goal.x, goal.y), goal.radius, facecolor="none", edgecolor=GREEN, linestyle="--"))
     axes.plot(scenario.start.x, scenario.start.y, marker="o", color=BLACK, markersize=4)
     axes.set(xlabel="x, m", ylabel="y, m", aspect="equal")
 
 
-def obstacle_patch(obstacle: Any):
-    """The outline of an obstacle from above."""
-    import math
+def limit_to_workspace(axes: Axes, scenario: Scenario, *, left: float = 0.0, right: float = 0.0) -> None:
+    """Limits axes to the workspace, less a margin on the left and on the right, in [m]."""
+    space = scenario.workspace
+    axes.set(xlim=(space.x_min + left, space.x_max - right), ylim=(space.y_min, space.y_max))
 
+
+def draw_demonstrations(axes: Axes, paths: Iterable[Any]) -> None:
+    """Draws paths, each of shape (N, 2) in [m], as dotted lines with one entry in the legend."""
+    for index, path in enumerate(paths):
+        label = None if index else "demonstrations"
+        axes.plot(*np.array(path).T, ":", color=COLOURS["demonstration"], linewidth=0.7, label=label)
+
+
+def _outline(obstacle: Any) -> Patch:
     from matplotlib.patches import Circle, Rectangle
 
     if isinstance(obstacle, obstacles.Circle):
@@ -100,9 +115,14 @@ def obstacle_patch(obstacle: Any):
 
 
 def draw_band(
-    axes: Axes, mean: np.ndarray, sigma: np.ndarray, colour: str, label: str | None = None, **line: Any
+    axes: Axes,
+    mean: NDArray[np.float64],
+    sigma: NDArray[np.float64],
+    colour: str,
+    label: str | None = None,
+    **line: Any,
 ) -> None:
-    """An expected path (N, 2) in [m] in a band of one standard deviation (N, 2) across it to either side.
+    """Draws a predicted path (N, 2) in [m] in a band of one standard deviation (N, 2) across it on each side.
 
     Args:
         axes: Where to draw.
@@ -110,11 +130,9 @@ def draw_band(
         colour, label: Of the path.
         line: Other properties of its line.
     """
-    import numpy as np
-
     # Where the path hardly moves it has no direction.
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(mean, axis=0), axis=1))])
-    kept = np.unique(np.floor(way / _BAND_STEP), return_index=True)[1]
+    arc_length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(mean, axis=0), axis=1))])
+    kept = np.unique(np.floor(arc_length / _BAND_STEP), return_index=True)[1]
     if len(kept) > 1:
         ahead = np.gradient(mean[kept], axis=0)
         across = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
@@ -128,31 +146,39 @@ def draw_band(
 def draw_curve(
     axes: Axes,
     at: Sequence[float],
-    estimates: Sequence[Any],
+    estimates: Sequence[Estimate],
     colour: str,
     label: str | None = None,
     **line: Any,
 ) -> None:
-    """Means as a curve in the band of their intervals; ``estimates`` are those of `statistics.interval`.
+    """Draws means as a curve in the band of their intervals.
 
     Args:
         axes: Where to draw.
-        at: Of each estimate its place, shape (n,).
+        at: The abscissa of each estimate, shape (n,).
         estimates, colour, label: Of the curve.
         line: Other properties of its line.
     """
     edges = [one.low for one in estimates], [one.high for one in estimates]
     axes.fill_between(at, *edges, color=colour, alpha=0.18, linewidth=0)
-    own = {"marker": "o", "markersize": 3, "linewidth": 1.4, "label": label, **line}
-    axes.plot(at, [one.mean for one in estimates], color=colour, **own)
+    properties = {"marker": "o", "markersize": 3, "linewidth": 1.4, "label": label, **line}
+    axes.plot(at, [one.mean for one in estimates], color=colour, **properties)
 
 
-def draw_estimates(
-    axes: Axes, at: Sequence[float], estimates: Sequence[Any], colour: str, label: str | None = None
-) -> None:
-    """Means with their intervals as points with bars; ``estimates`` are those of `statistics.interval`."""
-    mean = [one.mean for one in estimates]
-    bars = [[one.mean - one.low for one in estimates], [one.high - one.mean for one in estimates]]
+def draw_interval(axes: Axes, height: float, found: Estimate, colour: str, **marker: Any) -> None:
+    """Draws a mean as a marker with its interval as a horizontal bar."""
     axes.errorbar(
-        at, mean, yerr=bars, color=colour, marker="o", markersize=4, capsize=2, linewidth=1.2, label=label
+        [found.mean],
+        [height],
+        xerr=[[found.mean - found.low], [found.high - found.mean]],
+        color=colour,
+        capsize=2,
+        linewidth=1.2,
+        **marker,
     )
+
+
+def label_lines(axes: Axes, labels: Sequence[str]) -> None:
+    """Labels the heights 0, 1, ... of horizontal bars, the first at the top."""
+    axes.set_yticks(range(len(labels)), labels, fontsize=8)
+    axes.invert_yaxis()

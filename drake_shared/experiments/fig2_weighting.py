@@ -1,37 +1,51 @@
-"""Fig. 2 of Amirshirzad et al. 2022: what it changes that better demonstrations are drawn more often."""
+"""Fig. 2 of Amirshirzad et al. 2022: the effect of drawing better demonstrations more often."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from drake_shared.analysis.statistics import Claim, Estimate, claim, interval, paired_claims
+from drake_shared.analysis.statistics import Claim, claim, interval, paired_claims
 from drake_shared.demonstrations import sampling_weights
-from drake_shared.experiments.common import (
-    as_demonstrations,
-    drives,
-    scenario_of,
-    train_all,
-    training_cost,
+from drake_shared.experiments.common import as_demonstrations, demonstrate, scenario_of
+from drake_shared.experiments.drawing import (
+    COLOURS,
+    ROUTES,
+    draw_band,
+    draw_demonstrations,
+    draw_scene,
+    legend_below,
+    limit_to_workspace,
+    new_figure,
 )
-from drake_shared.experiments.drawing import COLOURS, ROUTES, draw_band, draw_scene, legend_below, new_figure
+from drake_shared.experiments.measures import select
 from drake_shared.experiments.paired_trials import groups
-from drake_shared.experiments.report import with_interval
-from drake_shared.experiments.section import Experiment, Picture, Section, Size, Table
+from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size, Table
+from drake_shared.experiments.text import paragraphs, with_interval
+from drake_shared.experiments.training import PRESETS, ignores_observations, train_all, training_cost
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.runner import Task
 
 _SEED = 910_000
-"""Of the demonstrations, which are the same for all; training seeds are counted from 0."""
-_PRESETS = ("paper", "default")
-_TOGETHER = 5
-"""So many seeds are trained side by side, plain and weighted each."""
-_NEARER, _MET, _ON_ROUTE = 0.02, 0.05, 0.1
-"""In [m]: the smallest effect of interest, and what counts as meeting a condition and as on a route."""
+"""Of the demonstrations, which are the same for all learners; training seeds count from 0."""
+_GROUP = 5
+"""Number of training seeds in a task, with a plain and a weighted learner each."""
+_MODELS = ("plain", "weighted")
+_CLOSER, _PASSED, _ON_ROUTE = 0.02, 0.05, 0.1
+"""In [m]: smallest effect of interest, and tolerances for passing a point and for being on a route."""
+_DISTANCES = {
+    "to_best": "to the best demonstration",
+    "to_average": "to the average",
+    "to_route": "to the route of the point",
+    "missed": "from the point",
+    "plain_to_weighted": "plain to weighted",
+}
+"""Columns of the rows and of the table."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -39,9 +53,9 @@ class Condition:
     """A point that a path must pass.
 
     Attributes:
-        name: As figures and tables call it.
-        step: Of the grid at which it is to be passed.
-        route: Index of the one demonstration that passes it; None if all do.
+        name: In figures and tables.
+        step: Index on the grid of the time at which it must be passed.
+        route: Index of the only demonstration that passes it; None if all do.
     """
 
     name: str
@@ -49,92 +63,86 @@ class Condition:
     route: int | None = None
 
 
-def conditions(ways: np.ndarray) -> list[Condition]:
-    """A point of all demonstrations, and one of each of the two that keep furthest from the others.
+def conditions(paths: NDArray[np.float64]) -> list[Condition]:
+    """The start, and one point of each of the two demonstrations that are farthest from the others.
 
     Args:
-        ways: Shape (m, N, 2), the demonstrations on a grid, in [m]; m >= 2.
+        paths: Shape (m, N, 2), the demonstrations on a grid, in [m]; m >= 2.
     """
-    gaps = np.linalg.norm(ways[:, None] - ways[None], axis=-1)
-    gaps[np.arange(len(ways)), np.arange(len(ways))] = np.inf
-    alone = gaps.min(axis=1)
-    furthest = np.argsort(-alone.max(axis=1), kind="stable")[:2]
+    gaps = np.linalg.norm(paths[:, None] - paths[None], axis=-1)
+    gaps[np.arange(len(paths)), np.arange(len(paths))] = np.inf
+    separation = gaps.min(axis=1)
+    farthest = np.argsort(-separation.max(axis=1), kind="stable")[:2]
     return [
         Condition(name="the start", step=0),
         *(
-            Condition(name=f"a point of route {way + 1} alone", step=int(alone[way].argmax()), route=int(way))
-            for way in sorted(furthest)
+            Condition(
+                name=f"a point of route {route + 1} alone",
+                step=int(separation[route].argmax()),
+                route=int(route),
+            )
+            for route in sorted(farthest)
         ),
     ]
 
 
-def tasks(scenario: str | None, size: Size) -> list[Task]:
-    """Some training seeds of one preset each."""
+def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
+    """One task for each preset and five training seeds."""
     return [
-        Task(
-            "drake_shared.experiments.fig2_weighting:run_seeds",
-            {
-                "scenario": scenario,
-                "preset": preset,
-                "seeds": seeds,
-            },
+        PlannedTask(
+            Task.of(run_seeds, scenario=scenario, preset=preset, seeds=seeds),
+            training_cost(preset, 2 * len(seeds)),
         )
-        for preset in _PRESETS
-        for seeds in groups(size.learners, _TOGETHER)
+        for preset in PRESETS
+        for seeds in groups(size.learners, _GROUP)
     ]
 
 
-def cost(task: Task) -> float:
-    """Seconds of one core, roughly."""
-    return training_cost(task.arguments["preset"], 2 * len(task.arguments["seeds"]))
-
-
 def run_seeds(scenario: str | None, preset: str, seeds: list[int]) -> dict[str, Any]:
-    """From each seed a plain and a weighted learner of the same demonstrations, and what they expect."""
+    """Trains a plain and a weighted learner from each seed, and evaluates their predictions."""
     world = scenario_of(scenario)
-    taught = as_demonstrations(scenario, drives(scenario, count=len(world.routes), seed=_SEED))
-    leaning = [False, True] * len(seeds)
+    demonstrations = as_demonstrations(scenario, demonstrate(scenario, seed=_SEED))
+    weighted = [False, True] * len(seeds)
     learners = train_all(
-        [taught] * len(leaning), np.repeat(seeds, 2).tolist(), preset=preset, weighted=leaning
+        [demonstrations] * len(weighted), np.repeat(seeds, 2).tolist(), preset=preset, weighted=weighted
     )
-    scores = taught.scores
+    scores = demonstrations.scores
     assert scores is not None
     rows, drawn = [], {}
     for index, seed in enumerate(seeds):
-        pair = {"plain": learners[2 * index], "weighted": learners[2 * index + 1]}
-        found, expected = _measure(world, pair, best=int(np.argmax(scores)))
+        pair = dict(zip(_MODELS, learners[2 * index : 2 * index + 2], strict=True))
+        found, predicted = _evaluate(world, pair, best=int(np.argmax(scores)))
         rows += [{"preset": preset, "seed": seed, **row} for row in found]
         if seed == 0:
-            drawn = expected
-    ways = np.round(learners[0].demonstrations, 3)
-    return {"rows": rows, "drawn": drawn, "ways": ways, "scores": scores}
+            drawn = predicted
+    paths = np.round(learners[0].demonstrations, 3)
+    return {"rows": rows, "drawn": drawn, "ways": paths, "scores": scores}
 
 
-def _measure(
+def _evaluate(
     world: Scenario, pair: dict[str, Learner], *, best: int
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Rows of one seed, and the expected paths with their spread by condition and learner."""
-    ways = pair["plain"].demonstrations
-    assert ways is not None
-    grid = pair["plain"].grid
-    # Where all stand at the goal there is nothing to tell.
-    there = np.hypot(*(ways - (world.goal.x, world.goal.y)).T) <= world.goal.radius
-    under_way = slice(0, int(there.argmax(axis=0).max()) + 1)
+    """The rows of a seed, and the predicted paths with their spread by condition and learner."""
+    paths, grid = pair["plain"].demonstrations, pair["plain"].grid
+    assert paths is not None
+    # Once all demonstrations are at the goal their paths no longer differ.
+    at_goal = np.hypot(*(paths - (world.goal.x, world.goal.y)).T) <= world.goal.radius
+    moving = slice(0, int(at_goal.argmax(axis=0).max()) + 1)
 
-    def apart(one: np.ndarray, other: np.ndarray) -> float:
-        return float(np.linalg.norm(one - other, axis=1)[under_way].mean())
+    def distance(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+        return float(np.linalg.norm(one - other, axis=1)[moving].mean())
 
-    rows, expected = [], {}
-    for condition in conditions(ways):
+    rows, predicted = [], {}
+    for condition in conditions(paths):
         step, route = condition.step, condition.route
-        point = ways[:, step].mean(axis=0) if route is None else ways[route, step]
+        point = paths[:, step].mean(axis=0) if route is None else paths[route, step]
         means = {}
         for name, learner in pair.items():
             means[name], variance = learner.predict(grid[[step]], np.array([point]), grid)
-            expected[f"{condition.name}/{name}"] = {
+            predicted[f"{condition.name}/{name}"] = {
                 "point": np.round(point, 4),
-                "mean": np.round(means[name][under_way], 4),
-                "sigma": np.round(np.sqrt(variance[under_way]), 4),
+                "mean": np.round(means[name][moving], 4),
+                "sigma": np.round(np.sqrt(variance[moving]), 4),
             }
         for name, mean in means.items():
             rows.append(
@@ -142,207 +150,175 @@ def _measure(
                     "condition": condition.name,
                     "common": route is None,
                     "model": name,
-                    "to_best": apart(mean, ways[best]),
-                    "to_average": apart(mean, ways.mean(axis=0)),
-                    "to_route": None if route is None else apart(mean, ways[route]),
+                    "to_best": distance(mean, paths[best]),
+                    "to_average": distance(mean, paths.mean(axis=0)),
+                    "to_route": None if route is None else distance(mean, paths[route]),
                     "missed": float(np.linalg.norm(mean[step] - point)),
-                    "plain_to_weighted": apart(means["plain"], means["weighted"]),
-                    "ignores": bool(pair[name].metadata["training"]["ignores_observations"]),
+                    "plain_to_weighted": distance(means["plain"], means["weighted"]),
+                    "ignores": ignores_observations(pair[name]),
                 }
             )
-    return rows, expected
+    return rows, predicted
 
 
 def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
-    """Fig. 2 for both presets, and what lies behind it over all seeds."""
-    world = scenario_of(scenario)
+    """Fig. 2 for both presets, and distances over all seeds."""
     rows = [row for result in results for row in result["rows"]]
     scores = np.array(results[0]["scores"])
-    drawn_share = sampling_weights(scores)
-    best = int(scores.argmax())
-    most = sampling_weights([1.0] + [0.0] * (len(scores) - 1))[0]
+    probabilities = sampling_weights(scores)
+    learners = {
+        preset: {(row["seed"], row["model"]): row["ignores"] for row in select(rows, preset=preset)}
+        for preset in PRESETS
+    }
     return Section(
         title="Weighted demonstrations (Fig. 2)",
-        text=[
-            f"A simulated operator drove each of the {len(scores)} routes alone once; the score is the least "
-            f"clearance. Learners of the same drives were trained from {size.learners} seeds (0 to "
-            f"{size.learners - 1}) with each preset: plain, where all drives are drawn alike, and weighted, "
-            "where Pd of Alg. 1 decides. They are asked for the whole path through one point: the start, "
-            "which tells nothing of the route, and two points at which only one route is.",
-            f"The scores are {', '.join(f'{score:.3f}' for score in scores)} m, so the weighted learners "
-            f"draw the best drive, of route {best + 1}, with probability {drawn_share[best]:.2f} in place of "
-            f"{1 / len(scores):.2f}. More than {most:.2f} is never possible with {len(scores)} drives, "
-            "whatever the scores, since the width of Pd is twice their standard deviation: a weighted "
-            "average can lean to the best way, but not become it.",
-            _ignoring(rows),
-            "Distances are means over the time under way between points at equal times. Intervals are 95% "
-            "bootstrap intervals over the training seeds; those of claims are adjusted. They say what "
-            "training does to these drives, not what other drives would do.",
-        ],
+        text=paragraphs(
+            "weighting",
+            size=size,
+            scores=[f"{score:.3f}" for score in scores],
+            best=int(scores.argmax()),
+            probability=probabilities.max(),
+            largest=sampling_weights([1.0] + [0.0] * (len(scores) - 1))[0],
+            ignoring={preset: (sum(found.values()), len(found)) for preset, found in learners.items()},
+        ),
         pictures=[
             Picture.of(
-                _figure(world, results, scores, drawn_share),
-                "Paths expected by the learners of seed 0 that were shown one point (black cross), with a "
-                "band of one standard deviation. Below: the drives, with scores and the probabilities Pd.",
+                _figure(scenario_of(scenario), results, scores, probabilities),
+                "Paths predicted by the learners of seed 0 from one observed point (black cross), with a "
+                "band of one standard deviation. Below: the demonstrations, their scores and probabilities "
+                "Pd.",
             )
         ],
         tables=[_table(rows)],
-        claims=_claims(rows),
+        claims=claims(rows),
         data={"weighting": rows},
     )
 
 
-def _ignoring(rows: list[dict[str, Any]]) -> str:
-    """How many learners do not answer to what they are shown."""
-    counts = []
-    for preset in _PRESETS:
-        learners = {(row["seed"], row["model"]): row["ignores"] for row in rows if row["preset"] == preset}
-        counts.append(f"{sum(learners.values())} of {len(learners)} with preset {preset}")
-    return (
-        f"Learners that expect the same whatever they are shown: {' and '.join(counts)}. Such a learner "
-        "meets no condition but by chance; preset paper takes Alg. 1 by the letter, one point of one drive "
-        "in each step, while preset default finds such learners and begins them anew."
-    )
-
-
-def _values(
-    rows: Iterable[dict[str, Any]],
-    name: str,
-    **wanted: Any,
-) -> list[float]:
-    """Of each seed the largest value of a measure over the rows wanted, in the order of seeds."""
+def _largest(rows: Rows, name: str, **where: Any) -> list[float]:
+    """The largest value of a column for each seed, in the order of seeds."""
     found: dict[int, float] = {}
-    for row in rows:
-        if row[name] is not None and all(row[key] == value for key, value in wanted.items()):
+    for row in select(rows, **where):
+        if row[name] is not None:
             found[row["seed"]] = max(row[name], found.get(row["seed"], -np.inf))
     return [found[seed] for seed in sorted(found)]
 
 
-def _claims(rows: list[dict[str, Any]]) -> list[Claim]:
-    nearer = paired_claims(
+def claims(rows: Rows) -> list[Claim]:
+    """Weighting moves the path towards the best demonstration, and paths pass the observed points."""
+    closer = paired_claims(
         [
             {
-                "text": f"At the start the weighted path is nearer to the best drive than the plain one "
-                f"({preset})",
-                "one": _values(rows, "to_best", preset=preset, common=True, model="plain"),
-                "other": _values(rows, "to_best", preset=preset, common=True, model="weighted"),
-                "smallest": _NEARER,
+                "text": f"At the start the weighted path is closer to the best demonstration than the plain "
+                f"one ({preset})",
+                "one": _largest(rows, "to_best", preset=preset, common=True, model="plain"),
+                "other": _largest(rows, "to_best", preset=preset, common=True, model="weighted"),
+                "smallest": _CLOSER,
                 "unit": "m",
             }
-            for preset in _PRESETS
+            for preset in PRESETS
         ]
     )
-    met = [
+    passed = [
         claim(
-            f"Both paths pass within {_MET} m of each of the three points: what is left of {_MET} m at the "
-            f"worst ({preset})",
-            _MET - np.array(_values(rows, "missed", preset=preset)),
+            f"Both paths pass within {_PASSED} m of each of the three points: {_PASSED} m minus the largest "
+            f"distance ({preset})",
+            _PASSED - np.array(_largest(rows, "missed", preset=preset)),
             smallest=0.0,
             unit="m",
         )
-        for preset in _PRESETS
+        for preset in PRESETS
     ]
     on_route = [
         claim(
-            f"Through a point of one route both paths lie within {_ON_ROUTE} m of that route: what is left "
-            f"of {_ON_ROUTE} m at the worse point ({preset})",
-            _ON_ROUTE - np.array(_values(rows, "to_route", preset=preset, common=False)),
+            f"Through a point of one route both paths stay within {_ON_ROUTE} m of that route: {_ON_ROUTE} m "
+            f"minus the larger distance ({preset})",
+            _ON_ROUTE - np.array(_largest(rows, "to_route", preset=preset, common=False)),
             smallest=0.0,
             unit="m",
         )
-        for preset in _PRESETS
+        for preset in PRESETS
     ]
-    return nearer + met + on_route
+    return closer + passed + on_route
 
 
-def _table(rows: list[dict[str, Any]]) -> Table:
+def _table(rows: Rows) -> Table:
     lines = []
-    for preset in _PRESETS:
+    for preset in PRESETS:
         for condition in dict.fromkeys(row["condition"] for row in rows):
-            for model in ("plain", "weighted"):
-                chosen = {"preset": preset, "condition": condition, "model": model}
-                measures = ("to_best", "to_average", "to_route", "missed", "plain_to_weighted")
-                cells = [_cell(interval(_values(rows, name, **chosen))) for name in measures]
+            for model in _MODELS:
+                where = {"preset": preset, "condition": condition, "model": model}
+                cells = [with_interval(interval(_largest(rows, name, **where))) for name in _DISTANCES]
                 lines.append([preset, condition, model, *cells])
     return Table(
-        caption="Distances in m, with 95% bootstrap intervals over training seeds; the average is that of "
-        "the drives, each counted alike.",
-        head=[
-            "preset",
-            "point shown",
-            "learner",
-            "to the best drive",
-            "to the average",
-            "to the route of the point",
-            "past the point",
-            "plain to weighted",
-        ],
+        caption="Distances in m, with 95% bootstrap intervals over training seeds. The average is the mean "
+        "of the demonstrations with equal weights.",
+        head=["preset", "observed point", "learner", *_DISTANCES.values()],
         rows=lines,
     )
 
 
-def _cell(estimate: Estimate) -> str:
-    if not estimate.count:
-        return "–"
-    return with_interval(estimate)
-
-
-def _figure(world: Scenario, results: list[Any], scores: np.ndarray, shares: np.ndarray) -> Any:
-    shown = [next(r for r in results if r["drawn"] and r["rows"][0]["preset"] == p) for p in _PRESETS]
-    names = list(dict.fromkeys(key.rpartition("/")[0] for key in shown[0]["drawn"]))
+def _figure(
+    world: Scenario, results: list[Any], scores: NDArray[np.float64], probabilities: NDArray[np.float64]
+) -> Any:
+    shown = {
+        preset: next(
+            result for result in results if result["drawn"] and result["rows"][0]["preset"] == preset
+        )
+        for preset in PRESETS
+    }
+    names = list(dict.fromkeys(key.rpartition("/")[0] for key in shown[PRESETS[0]]["drawn"]))
     figure, axes = new_figure(8.2, rows=len(names) + 1, columns=2)
-    for column, (preset, result) in enumerate(zip(_PRESETS, shown, strict=True)):
+    for column, (preset, result) in enumerate(shown.items()):
         for line, name in enumerate(names):
             place = axes[line, column]
-            _scene(place, world, result["ways"])
-            for model in ("plain", "weighted"):
-                drawn = result["drawn"][f"{name}/{model}"]
-                style = {"linestyle": "--"} if model == "weighted" else {"linewidth": 2.5}
-                draw_band(
-                    place, np.array(drawn["mean"]), np.array(drawn["sigma"]), COLOURS[model], model, **style
-                )
-            place.plot(*drawn["point"], marker="x", color="black", markersize=7, zorder=5)
-            place.set_title(f"{preset}: shown {name}", fontsize=9)
-    ways = np.array(shown[0]["ways"])
-    place = axes[-1, 0]
-    draw_scene(place, world)
-    for index, way in enumerate(ways):
-        place.plot(*way.T, color=ROUTES[index % len(ROUTES)], linewidth=1.3)
-    place.set_title("the scene and the drives", fontsize=9)
-    for one in (*axes[:-1].flat, place):
-        space = world.workspace
-        one.set(xlim=(space.x_min, space.x_max), ylim=(space.y_min, space.y_max))
-    for one in axes[:-1].flat:
-        one.set_xlabel("")
-    for one in axes[:-1, 1]:
-        one.set_ylabel("")
-    place = axes[-1, 1]
-    colours = [ROUTES[index % len(ROUTES)] for index in range(len(ways))]
-    place.bar(range(1, len(ways) + 1), shares, color=colours, width=0.6)
-    place.axhline(1 / len(ways), color=COLOURS["plain"], linestyle="--", linewidth=1.2)
-    place.annotate(
-        "plain", (len(ways) + 0.4, 1 / len(ways)), va="bottom", ha="right", fontsize=8, color="0.3"
-    )
-    for index, (score, share) in enumerate(zip(scores, shares, strict=True)):
-        place.annotate(
-            f"score\n{score:.3f} m", (index + 1, 0.1 * share), ha="center", fontsize=8, color="white"
-        )
-    place.set(
-        xlabel="drive of route",
-        ylabel="drawn with probability",
-        xticks=range(1, len(ways) + 1),
-        xlim=(0.5, len(ways) + 0.5),
-    )
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    legend_below(figure, handles, labels, columns=3)
+            _draw_predictions(place, world, result, name)
+            place.set_title(f"{preset}: observed {name}", fontsize=9)
+            place.set(xlabel="", ylabel="" if column else "y, m")
+    paths = np.array(shown[PRESETS[0]]["ways"])
+    colours = [ROUTES[index % len(ROUTES)] for index in range(len(paths))]
+    scene, bars = axes[-1]
+    draw_scene(scene, world)
+    for path, colour in zip(paths, colours, strict=True):
+        scene.plot(*path.T, color=colour, linewidth=1.3)
+    limit_to_workspace(scene, world)
+    scene.set_title("the demonstrations", fontsize=9)
+    _draw_probabilities(bars, scores, probabilities, colours)
+    legend_below(figure, *axes[0, 0].get_legend_handles_labels(), columns=3)
     return figure
 
 
-def _scene(place: Any, world: Scenario, ways: list[Any]) -> None:
+def _draw_predictions(place: Any, world: Scenario, result: dict[str, Any], name: str) -> None:
     draw_scene(place, world)
-    for index, way in enumerate(ways):
-        label = None if index else "demonstrations"
-        place.plot(*np.array(way).T, ":", color=COLOURS["demonstration"], linewidth=0.7, label=label)
+    draw_demonstrations(place, result["ways"])
+    for model in _MODELS:
+        drawn = result["drawn"][f"{name}/{model}"]
+        style: dict[str, Any] = {"linestyle": "--"} if model == "weighted" else {"linewidth": 2.5}
+        mean, sigma = np.array(drawn["mean"]), np.array(drawn["sigma"])
+        draw_band(place, mean, sigma, COLOURS[model], model, **style)
+    place.plot(*drawn["point"], marker="x", color="black", markersize=7, zorder=5)
+    limit_to_workspace(place, world)
 
 
-EXPERIMENT = Experiment(name="weighting", tasks=tasks, cost=cost, report=report)
+def _draw_probabilities(
+    place: Any,
+    scores: NDArray[np.float64],
+    probabilities: NDArray[np.float64],
+    colours: Sequence[str],
+) -> None:
+    count = len(scores)
+    place.bar(range(1, count + 1), probabilities, color=colours, width=0.6)
+    place.axhline(1 / count, color=COLOURS["plain"], linestyle="--", linewidth=1.2)
+    place.annotate("plain", (count + 0.4, 1 / count), va="bottom", ha="right", fontsize=8, color="0.3")
+    for index, (score, probability) in enumerate(zip(scores, probabilities, strict=True)):
+        text = f"score\n{score:.3f} m"
+        place.annotate(text, (index + 1, 0.1 * probability), ha="center", fontsize=8, color="white")
+    place.set(
+        xlabel="demonstration of route",
+        ylabel="probability Pd",
+        xticks=range(1, count + 1),
+        xlim=(0.5, count + 0.5),
+    )
+
+
+EXPERIMENT = Experiment(name="weighting", plan=plan, report=report)

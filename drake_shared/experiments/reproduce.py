@@ -1,4 +1,4 @@
-"""All experiments as one run: what is computed, how long it will take, and the report."""
+"""Runs the experiments as one run, estimates the time beforehand, and writes the report."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ import dataclasses
 import os
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 from drake_shared.common.errors import InputError
 from drake_shared.experiments.common import ALONE_COST, run, scenario_of
 from drake_shared.experiments.report import remove_report, write_report
-from drake_shared.experiments.section import Experiment, Section, Size
-from drake_shared.simulation.runner import JsonStore, Progress, Task, run_tasks
+from drake_shared.experiments.section import Experiment, PlannedTask, Section, Size
+from drake_shared.simulation.runner import JsonStore, Progress, read_results, run_tasks
 from drake_shared.simulation.runner.executors import executor
 from drake_shared.simulation.runner.identity import identity
 
@@ -37,10 +36,10 @@ TITLE = "Adaptive shared control with human intention estimation: a reproduction
 
 
 def find_experiments(only: Sequence[str] = ()) -> list[Experiment]:
-    """The experiments of those names, or all.
+    """The experiments of these names, or all.
 
     Raises:
-        InputError: There is none of a name.
+        InputError: A name is unknown.
     """
     for name in only:
         if name not in MODULES:
@@ -65,20 +64,20 @@ def reproduce(
     """Runs the experiments and writes the report to ``out``; see `write_report`.
 
     Args:
-        out: Folder; holds the result of every task as well, so that a run can be resumed.
+        out: Folder; it also holds the result of every task, so that a run can be resumed.
         size: How many repeats.
         scenario: File or name.
         only: Names of experiments; default: all.
-        workers: Processes of this machine.
-        cluster: Address of a Dask scheduler to use in their place.
-        resume: Go on with the run in ``out``.
-        force: Begin anew in its place.
+        workers: Number of local processes.
+        cluster: Address of a Dask scheduler, used instead.
+        resume: Resume the run in ``out``.
+        force: Overwrite the run in ``out``.
         progress: See `run_tasks`.
-        say: Told beforehand how long it will take, and what is done.
+        say: Receives messages: the expected time, and what was written.
 
     Raises:
         InputError: See `JsonStore.open` and `run_tasks`; errors in workers or cluster are found before the
-            folder is touched.
+            folder is changed.
         RunError: See `run_tasks`; or the report cannot be written.
     """
     world = scenario_of(scenario)
@@ -89,44 +88,35 @@ def reproduce(
         "experiments": [experiment.name for experiment in experiments],
     }
     with executor(workers=workers, cluster=cluster):
-        pass  # Where nothing can be run, no folder is begun.
+        pass  # Check both before a folder is created.
     store = JsonStore.open(out, description, resume=resume, force=force)
     if force:
         remove_report(Path(out))
-    planned = {experiment.name: experiment.tasks(scenario, size) for experiment in experiments}
-    costs = {
-        task.key: (experiment.cost(task), task)
-        for experiment in experiments
-        for task in planned[experiment.name]
-    }
-    left = sum(cost for cost, task in costs.values() if not _done(store, task))
-    if left:
-        # Of a cluster it is not known how many take part.
-        minutes = left * _slowness(scenario) / workers / 60.0
+    plans = {experiment.name: experiment.plan(scenario, size) for experiment in experiments}
+    planned = {one.task.key: one for plan in plans.values() for one in plan}
+    if seconds := _remaining(planned.values(), store):
+        # How many workers of a cluster will take part is unknown.
+        minutes = max(seconds * _slowness(scenario) / workers / 60.0, 0.1)
         where = "on one worker of the cluster" if cluster else f"on {workers} worker(s)"
-        say(f"{len(costs)} tasks: about {max(minutes, 0.1):.1f} min {where}")
-    begun = time.perf_counter()
-    # The longest first: then none is left over at the end for one worker alone.
-    ordered = [task for _, task in sorted(costs.values(), key=lambda pair: -pair[0])]
-    values = dict(
-        zip(
-            (task.key for task in ordered),
-            run_tasks(ordered, store, workers=workers, cluster=cluster, progress=progress),
-            strict=True,
-        )
-    )
+        say(f"{len(planned)} tasks: about {minutes:.1f} min {where}")
+    start = time.perf_counter()
+    # The longest first: otherwise one may remain for a single worker at the end.
+    ordered = [one.task for one in sorted(planned.values(), key=lambda one: -one.seconds)]
+    results = run_tasks(ordered, store, workers=workers, cluster=cluster, progress=progress)
+    values = dict(zip((task.key for task in ordered), results, strict=True))
     sections = [
-        experiment.report(scenario, size, [values[task.key] for task in planned[experiment.name]])
+        experiment.report(scenario, size, [values[one.task.key] for one in plans[experiment.name]])
         for experiment in experiments
     ]
     about = {
         "size": size.name,
         "scenario": world.name,
-        "tasks": len(costs),
+        "tasks": len(planned),
         **identity(),
         "python": platform.python_version(),
         "processor": platform.machine(),
-        "seeds": "follow from the numbers of repeats, learners and trials; the same code gives the same bits",
+        "seeds": "derived from the indices of repeats, learners and trials; the same code gives the same "
+        "bits",
     }
     parts = ["drake-shared reproduce --out DIR"]
     parts += ["--quick"] if size.name == "quick" else []
@@ -134,22 +124,21 @@ def reproduce(
     parts += [f"--only {' '.join(only)}"] if only else []
     with store.writing():
         write_report(Path(out), sections, title=TITLE, about=about, rerun=" ".join(parts))
-    say(f"wrote {Path(out) / 'report.html'} after {(time.perf_counter() - begun) / 60.0:.1f} min")
+    say(f"wrote {Path(out) / 'report.html'} after {(time.perf_counter() - start) / 60.0:.1f} min")
     return sections
 
 
-def _done(store: JsonStore, task: Task) -> bool:
-    try:
-        store.read(task)
-    except KeyError:
-        return False
-    return True
+def _remaining(planned: Iterable[PlannedTask], store: JsonStore) -> float:
+    """Approximate time on one core of the tasks that the store does not hold, in [s]."""
+    planned = list(planned)
+    done = read_results((one.task for one in planned), store)
+    return sum(one.seconds for one in planned if one.task.key not in done)
 
 
 def _slowness(scenario: str | None) -> float:
-    """How much slower this machine is now than the one by which costs are told."""
-    settings: dict[str, Any] = {"route": scenario_of(scenario).routes[0].name}
-    run(scenario, None, **settings)
-    begun = time.perf_counter()
-    run(scenario, None, **settings)
-    return max((time.perf_counter() - begun) / ALONE_COST, 0.2)
+    """How much slower this machine is at present than the one on which the costs were measured."""
+    route = scenario_of(scenario).routes[0].name
+    run(scenario, None, driver="human", route=route)
+    start = time.perf_counter()
+    run(scenario, None, driver="human", route=route)
+    return max((time.perf_counter() - start) / ALONE_COST, 0.2)

@@ -1,4 +1,4 @@
-"""What an experiment says: text, figures, tables, claims and the numbers behind them."""
+"""Experiments: the tasks that they run, and the sections of the report that they return."""
 
 from __future__ import annotations
 
@@ -13,18 +13,21 @@ from drake_shared.simulation.runner import Task
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Rows = Sequence[Mapping[str, Any]]
+"""Rows of plain values, most often one for each trial."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Size:
-    """How large a reproduction is.
+    """The size of a reproduction.
 
     Attributes:
         name: "full" or "quick".
-        repeats: Of the experiment of Fig. 6 for the primary operator.
-        other_repeats: Of it for each other operator; 0 leaves them out.
-        all_arms: Whether all arms of it are run, or the primary one alone.
-        learners: How many learners, each from demonstrations and a seed of its own, other experiments average
-            over.
+        repeats: Repeats of the experiment of Fig. 6 for the primary operator.
+        other_repeats: Its repeats for each other operator; 0 leaves them out.
+        all_arms: Whether all arms of it are run, or the primary arm only.
+        learners: Number of learners over which other experiments average, each with demonstrations and a seed
+            of its own.
         trials: Trials with each learner.
     """
 
@@ -42,11 +45,11 @@ QUICK = Size(name="quick", repeats=10, other_repeats=0, all_arms=False, learners
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Picture:
-    """A figure of a report.
+    """A figure of the report.
 
     Attributes:
         svg: The drawing.
-        caption: What it shows.
+        caption: Its caption.
     """
 
     svg: str
@@ -54,7 +57,7 @@ class Picture:
 
     @classmethod
     def of(cls, figure: Figure, caption: str) -> Picture:
-        """A matplotlib figure as vectors, with the same bits whenever it is drawn."""
+        """A matplotlib figure as SVG; the same figure gives the same bits."""
         import matplotlib as mpl
 
         with mpl.rc_context({"svg.hashsalt": "drake_shared", "svg.fonttype": "path"}):
@@ -66,12 +69,12 @@ class Picture:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table of a report.
+    """A table of the report.
 
     Attributes:
-        caption: What it shows.
+        caption: Its caption.
         head: Names of the columns, with units.
-        rows: Of each row the cells, as they are to be read.
+        rows: The cells of each row, as text.
     """
 
     caption: str
@@ -81,14 +84,14 @@ class Table:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Section:
-    """A section of a report.
+    """A section of the report.
 
     Attributes:
         title: Its heading.
-        text: Paragraphs: what was done, with what, and what to make of it.
-        pictures, tables, claims: In the order of reading.
-        data: Names to rows of plain values, written beside the report as Parquet.
-        replays: Captions to stand-alone pages, each embedded.
+        text: Its paragraphs; see `paragraphs`.
+        pictures, tables, claims: In the order of the page.
+        data: Rows by name, written beside the report as Parquet.
+        replays: Stand-alone pages by caption, embedded in the report.
     """
 
     title: str
@@ -96,22 +99,28 @@ class Section:
     pictures: Sequence[Picture] = ()
     tables: Sequence[Table] = ()
     claims: Sequence[Claim] = ()
-    data: Mapping[str, Sequence[Mapping[str, Any]]] = dataclasses.field(default_factory=dict)
+    data: Mapping[str, Rows] = dataclasses.field(default_factory=dict)
     replays: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True)
+class PlannedTask:
+    """A task and the approximate time that it takes on one core, in [s]."""
+
+    task: Task
+    seconds: float
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """An experiment: what is to be computed, and what is made of it.
+    """An experiment.
 
     Attributes:
-        name: As the command line calls it.
-        tasks: The tasks for a scenario (file or name) and size; each can run alone, in any order, anywhere.
-        cost: Seconds that a task takes on one core, roughly, for the estimate given beforehand.
-        report: The section, from the results in the order of the tasks.
+        name: Its name on the command line.
+        plan: Returns the tasks for a scenario (file or name) and size. They can run in any order and process.
+        report: Returns the section, from the results in the order of the tasks.
     """
 
     name: str
-    tasks: Callable[[str | None, Size], list[Task]]
-    cost: Callable[[Task], float]
+    plan: Callable[[str | None, Size], list[PlannedTask]]
     report: Callable[[str | None, Size, list[Any]], Section]

@@ -1,38 +1,31 @@
-import dataclasses
+"""Arbitration methods are compared on the same trials."""
 
 import numpy as np
 import pytest
 
 from drake_shared.analysis.statistics import at_least, not_worse
-from drake_shared.experiments import arbitration_compared, setting
-from drake_shared.experiments.section import Size
-
-TINY = Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=2, trials=1)
+from drake_shared.experiments import arbitration_compared
 
 
 @pytest.fixture(scope="module")
-def results():
-    """Of two barely trained learners of each kind, one trial an arm, of the primary operator alone."""
-    brief = {
-        name: dataclasses.replace(one, iterations=20, restarts=0) for name, one in setting.STUDIED.items()
-    }
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(setting, "STUDIED", brief)
+def results(short_training, run_plan, tiny):
+    """Of two learners of each kind, one trial in each arm, of the primary operator only."""
+    with short_training() as patch:
         patch.setattr(arbitration_compared, "OPERATORS", ("primary",))
-        return [task.run() for task in arbitration_compared.tasks(None, TINY)]
+        return run_plan(arbitration_compared, tiny)
 
 
 def made_up(*, gain=0.2, mixture=0.0, disagreement=1.0, learners=20):
-    """Rows of trials in which sharing adds ``gain``, and the mixture ``mixture`` to that."""
+    """Rows of trials in which shared control adds ``gain`` to success, and the mixture ``mixture`` more."""
     rng = np.random.default_rng(0)
     rows = []
     for learner in range(learners):
         for operator in arbitration_compared.OPERATORS:
             base = 0.5 + 0.05 * rng.standard_normal()
-            for kind, arms in arbitration_compared._LEARNERS.items():
+            for kind, arms in arbitration_compared.ARMS_OF_LEARNERS.items():
                 more = {"none": 0.0, "mixture": gain + mixture}.get(kind, gain)
                 for arm in arms:
-                    row = dict.fromkeys(arbitration_compared._MEASURES, base + more)
+                    row = {measure.name: base + more for measure in arbitration_compared.MEASURES}
                     row["disagreement_rate"] = 5.0 + rng.normal(0, 0.1)
                     row["disagreement_rate"] -= disagreement * (kind == "mixture")
                     rows.append(row | {"arm": arm, "kind": kind, "operator": operator, "learner": learner})
@@ -45,23 +38,23 @@ def verdicts(rows):
     return set(found[:count]), set(found[count : 2 * count]), set(found[2 * count : -1])
 
 
-def test_arms_have_the_same_routes_and_seeds(results):
+def test_arms_have_the_same_routes_and_seeds(results, tiny):
     rows = [row for result in results for row in result]
     arms = {(row["kind"], row["arm"]) for row in rows}
-    assert len(arms) == sum(map(len, arbitration_compared._LEARNERS.values()))
-    for learner in range(TINY.learners):
-        meant = {(row["route"], row["seed"]) for row in rows if row["learner"] == learner}
-        assert len(meant) == TINY.trials
-    assert len({row["seed"] for row in rows}) == TINY.learners * TINY.trials
+    assert len(arms) == sum(map(len, arbitration_compared.ARMS_OF_LEARNERS.values()))
+    for learner in range(tiny.learners):
+        routes = {(row["route"], row["seed"]) for row in rows if row["learner"] == learner}
+        assert len(routes) == tiny.trials
+    assert len({row["seed"] for row in rows}) == tiny.learners * tiny.trials
     weight = {row["arm"]: row["mean_human_weight"] for row in rows}
     assert (weight["human"], weight["agent"], weight["halves"]) == (1.0, 0.0, 0.5)
 
 
-def test_a_task_says_the_same_again_and_the_report_follows(results, monkeypatch):
+def test_a_repeated_task_gives_the_same_rows_and_the_report_shows_them(results, monkeypatch, tiny):
     monkeypatch.setattr(arbitration_compared, "OPERATORS", ("primary",))
-    assert str(arbitration_compared.tasks(None, TINY)[0].run()) == str(results[0])
+    assert str(arbitration_compared.plan(None, tiny)[0].task.run()) == str(results[0])
     rows = [{**row, "operator": "unskilled"} for result in results for row in result]
-    section = arbitration_compared.report(None, TINY, [*results, rows])
+    section = arbitration_compared.report(None, tiny, [*results, rows])
     assert len(section.pictures) == len(section.tables) == 1
     assert len(section.data["arbitration_compared"]) == 2 * len(rows)
 
@@ -74,7 +67,7 @@ def test_claims_follow_the_rows():
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.95, "holds"), (0.8, "reversed")])
-def test_what_the_human_in_charge_keeps_of_the_gain(share, verdict):
+def test_the_share_of_the_gain_that_human_authority_keeps(share, verdict):
     rows = made_up()
     alone = {
         (row["operator"], row["learner"]): row["intent_success"] for row in rows if row["arm"] == "human"

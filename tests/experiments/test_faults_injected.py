@@ -1,31 +1,26 @@
-import dataclasses
+"""Injected faults: their trials, claims and report."""
 
 import numpy as np
 import pytest
 
-from drake_shared.experiments import faults_injected, setting
-from drake_shared.experiments.section import FULL, QUICK, Size
+from drake_shared.experiments import faults_injected
+from drake_shared.experiments.common import simulation_of
+from drake_shared.experiments.section import FULL, QUICK
 from drake_shared.learners.no_learner import NoLearner
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.faults import Faults
 from drake_shared.simulation.trial import Trial, TrialSettings
 
-TINY = Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=2, trials=1)
-
 
 @pytest.fixture(scope="module")
-def rows():
-    """Of two barely trained learners, each fault at its worst."""
-    brief = {
-        name: dataclasses.replace(one, iterations=20, restarts=0) for name, one in setting.STUDIED.items()
-    }
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(setting, "STUDIED", brief)
-        return [row for task in faults_injected.tasks(None, TINY) for row in task.run()]
+def rows(short_training, run_plan, tiny):
+    """Of two learners, each fault at its largest severity."""
+    with short_training():
+        return [row for result in run_plan(faults_injected, tiny) for row in result]
 
 
 def made_up(*, assisted, reached=0):
-    """Rows of six learners in which assistance adds ``assisted`` to each fault's success at its worst."""
+    """Rows of six learners in which assistance adds ``assisted`` to the success with each fault."""
     rows = [
         {"fault": fault, "severity": severity, "arm": arm, "learner": learner, "not_finite": 0}
         | {"intent_success": 0.5 + assisted * (arm == "assisted" and severity > 0.0)}
@@ -40,7 +35,7 @@ def made_up(*, assisted, reached=0):
 FAULTS = faults_injected.FAULTS
 
 
-def test_each_fault_strikes_and_all_else_is_the_same(rows):
+def test_each_fault_has_an_effect_on_otherwise_equal_trials(rows):
     for learner in (0, 1):
         own = [row for row in rows if row["learner"] == learner]
         assert len({(row["route"], row["seed"]) for row in own}) == 1
@@ -51,28 +46,26 @@ def test_each_fault_strikes_and_all_else_is_the_same(rows):
         assert set(assisted) == {"", *FAULTS}
 
 
-def test_nothing_that_is_no_number_reaches_the_plant(rows):
+def test_nan_never_reaches_the_plant(rows):
     assert {row["not_finite"] for row in rows} == {0}
     columns = {name: np.zeros(5) for name in ("x", "yaw", "wheel_left", "shared_right", "received_left")}
     columns["x"][1] = columns["wheel_left"][1] = np.nan
     columns["yaw"][3] = np.inf
     columns["shared_right"][4] = np.nan
-    columns["received_left"][0] = np.nan  # On the way there; it must end before the plant.
-    assert faults_injected.not_finite(Trial(columns=columns, metadata={})) == 3
+    columns["received_left"][0] = np.nan  # Not an input of the plant.
+    assert faults_injected.count_not_finite(Trial(columns=columns, metadata={})) == 3
 
 
 @pytest.mark.parametrize("fault", ["human_nan", "pose_nan", "learner_nan"])
-def test_a_fault_that_is_to_send_what_is_no_number_does(fault):
-    simulation = setting.simulation_of(
-        None, SharedControlConfig(faults=faults_injected.faults_of(fault, 0.25))
-    )
+def test_faults_that_inject_nan_do(fault):
+    simulation = simulation_of(None, SharedControlConfig(faults=faults_injected.faults_of(fault, 0.25)))
     trial = simulation.run(TrialSettings(), learner=NoLearner(15.0))
     column = {"human_nan": "received_left", "pose_nan": "seen_x", "learner_nan": "heard_confidence"}[fault]
     assert 0.1 < np.isnan(trial[column]).mean() < 0.4
 
 
-def test_faults_are_those_of_their_name():
-    assert faults_injected.faults_of("", 0.0) is None
+def test_faults_have_the_severity_of_their_field():
+    assert faults_injected.faults_of("", 0.0) == Faults()
     assert faults_injected.faults_of("delay", 0.2) == Faults(delay=0.2)
     assert faults_injected.faults_of("pose_noise", 0.1) == Faults(pose_noise=0.1, yaw_noise=0.1)
     assert faults_injected.faults_of("freeze", 2.0) == Faults(freeze=2.0, freeze_time=3.0)
@@ -86,14 +79,14 @@ def test_claims_follow_the_rows():
     assert {claim.verdict for claim in (*success, finite)} == {"reversed"}
 
 
-def test_the_report_has_a_table_for_each_fault(rows):
-    section = faults_injected.report(None, TINY, [rows])
+def test_the_report_has_a_table_for_each_fault(rows, tiny):
+    section = faults_injected.report(None, tiny, [rows])
     assert [len(table.rows) for table in section.tables] == [4] * 9 + [3] * 2
     assert len(section.data["faults"]) == len(rows)
 
 
-def test_sizes():
-    full, quick = (faults_injected.tasks(None, size) for size in (FULL, QUICK))
-    assert sum(len(task.arguments["learners"]) for task in full) == FULL.learners
-    assert full[0].arguments["severities"] == {name: list(values) for name, values in FAULTS.items()}
-    assert sum(map(faults_injected.cost, quick)) < 0.1 * sum(map(faults_injected.cost, full))
+def test_a_quick_run_takes_less_than_a_tenth_of_the_time():
+    full, quick = (faults_injected.plan(None, size) for size in (FULL, QUICK))
+    assert sum(len(one.task.arguments["learners"]) for one in full) == FULL.learners
+    assert full[0].task.arguments["severities"] == {name: list(values) for name, values in FAULTS.items()}
+    assert sum(one.seconds for one in quick) < 0.1 * sum(one.seconds for one in full)

@@ -1,26 +1,26 @@
-"""The second training sets: matched seeds, probabilities, and the section."""
+"""The second training sets: paired seeds, probabilities, and the report."""
 
 import dataclasses
 
 import pytest
 
 from drake_shared.common.errors import RunError
-from drake_shared.experiments import second_sets, setting
+from drake_shared.experiments import fig5_sets as second_sets, training
 from drake_shared.experiments.section import QUICK
 
 SIZE = dataclasses.replace(QUICK, learners=1)
 
 
 @pytest.fixture(scope="module")
-def results():
-    # A learner that knows little yet leads drives astray; one of 300 steps does for these.
-    quick = dataclasses.replace(setting.STUDIED["default"], iterations=300)
+def results(run_plan):
+    # With fewer iterations the learner leads some drives away from the goal.
+    short = dataclasses.replace(training.STUDIED["default"], iterations=300)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(setting, "STUDIED", {"paper": quick, "default": quick})
-        yield [task.run() for task in second_sets.tasks(None, SIZE)]
+        patch.setattr(training, "STUDIED", {"paper": short, "default": short})
+        yield run_plan(second_sets, SIZE)
 
 
-def test_each_set_is_the_same_first_drives_and_as_many_new_ones(results):
+def test_each_set_has_the_same_known_and_as_many_new_demonstrations(results):
     rows = [row for result in results for row in result["rows"]]
     sets = {name: [r for r in rows if r["set"] == name] for name in ("paper", "default", "human")}
     first = {name: [(r["route"], r["score"]) for r in own if not r["new"]] for name, own in sets.items()}
@@ -32,23 +32,23 @@ def test_each_set_is_the_same_first_drives_and_as_many_new_ones(results):
         assert max(own, key=lambda r: r["score"]) == max(own, key=lambda r: r["probability"])
 
 
-def test_a_set_that_cannot_be_driven_is_missing_and_said_to_be(monkeypatch):
-    usual = second_sets.drives
+def test_a_set_that_cannot_be_driven_is_reported_as_missing(monkeypatch, run_plan):
+    usual = second_sets.demonstrate
 
-    def drives(scenario, *, learner=None, **options):
+    def demonstrate(scenario, *, learner=None, **options):
         if learner is not None:
             raise RunError("the simulated operator fails")
         return usual(scenario, **options)
 
-    monkeypatch.setattr(second_sets, "drives", drives)
+    monkeypatch.setattr(second_sets, "demonstrate", demonstrate)
     monkeypatch.setattr(second_sets, "train_all", lambda sets, *_, **__: ["a learner"] * len(sets))
-    found = [task.run() for task in second_sets.tasks(None, SIZE)]
+    found = run_plan(second_sets, SIZE)
     assert {row["set"] for result in found for row in result["rows"]} == {"human"}
-    told = second_sets.report(None, SIZE, found).text
-    assert sum("is missing: the simulated operator fails" in text for text in told) == 2
+    text = second_sets.report(None, SIZE, found).text
+    assert sum("the simulated operator fails" in paragraph for paragraph in text) == 2
 
 
-def test_the_table_gives_the_probability_of_what_is_new(results):
+def test_the_table_gives_the_probability_of_new_demonstrations(results):
     section = second_sets.report(None, SIZE, results)
     new = sum(
         r["probability"] for result in results for r in result["rows"] if r["set"] == "human" and r["new"]

@@ -1,4 +1,4 @@
-"""Second learners: what is matched in a repeat, what becomes of failures, and what follows from rows."""
+"""Second learners: pairs within a repeat, failures, and the claims from rows."""
 
 import dataclasses
 from collections import Counter
@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from drake_shared.common.errors import RunError
-from drake_shared.experiments import second_learners, setting
+from drake_shared.experiments import common, fig6_learners as second_learners, training
 from drake_shared.experiments.fig6_comparison import (
     ARMS,
-    MEASURES,
-    PRESETS,
+    CRITERIA,
     PRIMARY_ARM,
     SETUPS,
     Cell,
@@ -19,53 +18,51 @@ from drake_shared.experiments.fig6_comparison import (
     repeat_means,
 )
 from drake_shared.experiments.section import FULL, QUICK
+from drake_shared.experiments.training import PRESETS
 from drake_shared.operators.named import OPERATORS
 
 HERE = {"scenario": None, "preset": "default"}
 
 
 @pytest.fixture
-def brief(monkeypatch):
-    """Learners that are barely trained; what they were taught is noted."""
-    noted = []
-    short = {
-        name: dataclasses.replace(one, iterations=40, restarts=0) for name, one in setting.STUDIED.items()
-    }
-    monkeypatch.setattr(setting, "STUDIED", short)
+def trainings(short_training):
+    """The demonstrations, seed, weighting and learner of each training."""
+    recorded = []
 
-    def train_all(taught, seeds, **options):
-        trained = setting.train_all(taught, seeds, **options)
-        weighted = options.get("weighted", [True] * len(taught))
-        noted.extend(zip(taught, seeds, weighted, trained, strict=True))
+    def train_all(sets, seeds, **options):
+        trained = training.train_all(sets, seeds, **options)
+        weighted = options.get("weighted", [True] * len(sets))
+        recorded.extend(zip(sets, seeds, weighted, trained, strict=True))
         return trained
 
-    monkeypatch.setattr(second_learners, "train_all", train_all)
-    return noted
+    with short_training(40) as patch:
+        patch.setattr(second_learners, "train_all", train_all)
+        yield recorded
 
 
-def row(setup="shared", **told):
-    """A trial, of the primary operator where nothing else is said."""
+def row(setup="shared", **changes):
+    """A trial, by default of the primary operator in the primary arm."""
     usual = {"disagreement": 500.0, "mean_human_weight": 0.5, "intent_success": True}
     usual |= {"disagreement_rate": 2.5, "human_effort": 80.0, "clearance": 0.1, "unmatched_drives": 0}
     cell = {"preset": "paper", "operator": "primary", "arm": PRIMARY_ARM, "repeat": 0}
-    return {**cell, "setup": setup, **usual, **told}
+    return {**cell, "setup": setup, **usual, **changes}
 
 
 def made_up(size, **shifts):
-    """Rows of all repeats of a size; Setup 2 differs from Setup 1 by the shifts and a little noise."""
+    """Rows of all repeats of a size; Setup 2 differs from Setup 1 by the shifts and some noise."""
     rng = np.random.default_rng(0)
     rows = []
-    for task in second_learners.tasks(None, size):
-        given = task.arguments
+    for one in second_learners.plan(None, size):
+        given = one.task.arguments
         for operator in given["operators"]:
             for repeat in given["repeats"]:
-                for setup, arm in second_learners._conditions(given["setups"], given["arms"]):
-                    told = {"preset": given["preset"], "operator": operator, "arm": arm, "repeat": repeat}
-                    one = row(setup, **told)
-                    one["disagreement"] += rng.normal(0.0, 5.0)
+                for setup, arm in second_learners.conditions_of(given["setups"], given["arms"]):
+                    cell = {"preset": given["preset"], "operator": operator, "arm": arm, "repeat": repeat}
+                    trial = row(setup, **cell)
+                    trial["disagreement"] += rng.normal(0.0, 5.0)
                     for name, shift in shifts.items() if setup == "human" else ():
-                        one[name] += shift
-                    rows.append(one)
+                        trial[name] += shift
+                    rows.append(trial)
     return rows
 
 
@@ -74,11 +71,11 @@ def claims_of(section, text):
 
 
 @pytest.mark.parametrize("size", [FULL, QUICK])
-def test_every_repeat_is_made_once(size):
+def test_every_repeat_is_run_once(size):
     found = Counter()
-    for task in second_learners.tasks(None, size):
-        given = task.arguments
-        assert second_learners.cost(task) > 0
+    for one in second_learners.plan(None, size):
+        given = one.task.arguments
+        assert one.seconds > 0
         assert given["trials"] == 10
         for operator in given["operators"]:
             found.update((given["preset"], operator, repeat) for repeat in given["repeats"])
@@ -92,9 +89,9 @@ def test_every_repeat_is_made_once(size):
     assert counts == Counter({key: count for key, count in expected.items() if count})
 
 
-def test_no_seed_serves_two_purposes():
+def test_seeds_are_unique():
     starts = [
-        second_learners._seed(repeat, purpose) + index
+        second_learners.seed_of(repeat, purpose) + index
         for repeat in range(FULL.repeats)
         for purpose, count in ((0, 3), (10, 3), (30, 3), (50, second_learners.TRIALS))
         for index in range(count)
@@ -102,60 +99,60 @@ def test_no_seed_serves_two_purposes():
     assert len(set(starts)) == len(starts)
 
 
-def test_in_a_repeat_all_is_the_same_but_what_is_compared(brief):
+def test_setups_and_arms_of_a_repeat_differ_only_in_what_is_compared(trainings):
     arms = [PRIMARY_ARM, "even, K anew"]
     arguments = {"operators": ["switching"], "repeats": [0], "arms": arms, "setups": SETUPS, "trials": 2}
     rows = second_learners.run_repeats(**HERE, **arguments)
-    first, *second = brief
-    # The control is of the primary arm alone.
+    first, *second = trainings
+    # The control has only the primary arm.
     driven = {}
     for one in rows:
         driven.setdefault((one["arm"], one["setup"]), []).append((one["seed"], one["route"]))
     assert set(driven) == {(arm, setup) for arm in arms for setup in SETUPS} - {(arms[1], "more")}
     assert len({tuple(trials) for trials in driven.values()}) == 1
     assert len(set(driven[PRIMARY_ARM, "shared"])) == 2
-    assert {seed for _, seed, _, _ in brief} == {0}
-    # Each begins with the base demonstrations, and what is added has the same scores in all setups.
+    assert {seed for _, seed, _, _ in trainings} == {0}
+    # Each set starts with the base demonstrations, and added runs have the same scores in all setups.
     for taught, _, _, _ in second:
         assert [item.score for item in taught[:3]] == [item.score for item in first[0]]
     assert len({tuple(item.score for item in taught[3:]) for taught, *_ in second}) == 1
     modes = Counter(taught[3].provenance["mode"] for taught, *_ in second)
     assert modes == {"shared": 2, "human": 3}
-    # Of both setups the same noise, of the control another.
+    # Both setups have the same noise, and the control another.
     seeds = Counter(tuple(item.provenance["seed"] for item in taught[3:]) for taught, *_ in second)
     assert sorted(seeds.values()) == [1, 4]
     assert Counter(weighted for _, _, weighted, _ in second) == {True: 3, False: 2}
 
 
-def test_k_is_that_of_the_first_learner_or_of_each(brief, monkeypatch):
+def test_k_is_that_of_the_first_learner_or_its_own(trainings, monkeypatch):
     gains = []
 
     def run(scenario, learner, *, confidence_gain, **settings):
         gains.append((learner.confidence_gain, confidence_gain))
-        return setting.run(scenario, learner, confidence_gain=confidence_gain, **settings)
+        return common.run(scenario, learner, confidence_gain=confidence_gain, **settings)
 
     monkeypatch.setattr(second_learners, "run", run)
     arms = ["weighted, K kept", "weighted, K anew"]
     arguments = {"operators": ["primary"], "repeats": [1], "arms": arms, "setups": SETUPS[:2], "trials": 1}
     rows = second_learners.run_repeats(**HERE, **arguments)
-    first, *second = [learner.confidence_gain for *_, learner in brief]
+    first, *second = [learner.confidence_gain for *_, learner in trainings]
     assert sorted(gains[:2]) == sorted((own, first) for own in second)
     assert sorted(gains[2:]) == sorted((own, None) for own in second)
     assert len({first, *second}) == 3
-    del brief[:]
+    trainings.clear()
     assert second_learners.run_repeats(**HERE, **arguments) == rows
 
 
-def test_an_operator_that_fails_is_missed_and_breaks_nothing(brief, monkeypatch):
+def test_repeats_in_which_an_operator_fails_are_reported_as_missing(trainings, monkeypatch):
     hopeless = OPERATORS["unskilled"].behaviour
-    lost = second_learners._seed(4, 0)
+    lost = second_learners.seed_of(4, 0)
 
-    def drives(scenario, *, seed, behaviour=None, **options):
+    def demonstrate(scenario, *, seed, behaviour=None, **options):
         if seed == lost or behaviour == hopeless:
             raise RunError("the simulated operator fails")
-        return setting.drives(scenario, seed=seed, behaviour=behaviour, **options)
+        return common.demonstrate(scenario, seed=seed, behaviour=behaviour, **options)
 
-    monkeypatch.setattr(second_learners, "drives", drives)
+    monkeypatch.setattr(second_learners, "demonstrate", demonstrate)
     rows = second_learners.run_repeats(
         **HERE,
         operators=["primary", "unskilled"],
@@ -172,18 +169,18 @@ def test_an_operator_that_fails_is_missed_and_breaks_nothing(brief, monkeypatch)
     assert "3 repeats are missing" in section.text[-1]
     assert "unskilled 2, primary 1" in section.text[-1]
     assert len(section.data["second_learners_missing"]) == 3
-    # One repeat says nothing of any other.
+    # One repeat is not enough for a verdict.
     assert {claim.verdict for claim in section.claims} == {"open"}
 
 
-def test_drives_with_other_seeds_are_told():
+def test_repeats_with_unmatched_runs_are_reported():
     rows = made_up(QUICK)
     for one in rows:
         one["unmatched_drives"] = int(one["repeat"] in (2, 5) and one["preset"] == "paper")
-    assert "In 2 repeats that happened to one setup" in second_learners.report(None, QUICK, [rows]).text[-1]
+    assert "In 2 repeats" in second_learners.report(None, QUICK, [rows]).text[-1]
 
 
-def test_a_repeat_counts_once_however_many_trials_it_has():
+def test_the_unit_is_the_repeat_and_not_the_trial():
     rows = [row(disagreement=value) for value in (1.0, 2.0, 6.0)] + [row("human", disagreement=4.0)]
     rows += [row(setup, repeat=1, clearance=None) for setup in SETUPS[:2]]
     rows += [row(repeat=2)]
@@ -198,7 +195,7 @@ def test_a_repeat_counts_once_however_many_trials_it_has():
     assert found["clearance"].estimate.count == 1
 
 
-def test_better_is_lower_or_higher_as_the_measure_has_it():
+def test_differences_are_positive_where_setup_1_is_better():
     shifts = {"disagreement": 40.0, "human_effort": -5.0, "clearance": -0.05}
     found = {one.measure: one for one in compare(repeat_means(made_up(QUICK, **shifts)))}
     assert found["disagreement"].estimate.mean == pytest.approx(40.0, abs=5.0)
@@ -211,36 +208,36 @@ def test_better_is_lower_or_higher_as_the_measure_has_it():
     ]
 
 
-@pytest.mark.parametrize(("shift", "said"), [(40.0, "holds"), (-40.0, "reversed"), (2.0, "equivalent")])
-def test_the_verdict_follows_from_the_rows(shift, said):
+@pytest.mark.parametrize(("shift", "verdict"), [(40.0, "holds"), (-40.0, "reversed"), (2.0, "equivalent")])
+def test_verdicts_follow_from_the_rows(shift, verdict):
     section = second_learners.report(None, QUICK, [made_up(QUICK, disagreement=shift)])
-    claims = claims_of(section, "disagreement is lower with Setup 1")
-    assert [claim.verdict for claim in claims] == [said] * 2
+    claims = claims_of(section, "Disagreement is lower with Setup 1")
+    assert [claim.verdict for claim in claims] == [verdict] * 2
     assert all(claim.estimate.count == QUICK.repeats for claim in claims)
-    assert sum(f": {said}" in paragraph for paragraph in section.text) == 2
-    assert any(paragraph.startswith("With 10 repeats intervals") for paragraph in section.text)
-    # Nothing differs in the weight, which ten repeats do not prove.
+    assert sum(f": {verdict}" in paragraph for paragraph in section.text) == 2
+    assert any(paragraph.startswith("With 10 repeats") for paragraph in section.text)
+    # The human weight never differs; the rule of three bounds how often it may.
     assert any("mean human weight" in text and "up to 30% of repeats" in text for text in section.text)
-    assert [claim.verdict for claim in claims_of(section, "mean human weight")] == ["equivalent"] * 2
+    assert [claim.verdict for claim in claims_of(section, "Mean human weight")] == ["equivalent"] * 2
 
 
-def test_a_full_report_shows_all_operators_arms_and_the_control():
+def test_a_full_report_contains_all_operators_arms_and_the_control():
     size = dataclasses.replace(FULL, repeats=6, other_repeats=4)
     section = second_learners.report(None, size, [made_up(size, disagreement=30.0)])
-    # The bars, the points of each repeat, and two measures over operators and arms.
+    # Bars, points of each repeat, and two measures over operators and arms.
     assert len(section.pictures) == 4
     means, primary, rest = (table.rows for table in section.tables)
     cells = 2 * (4 + len(OPERATORS) - 1)
     assert len(means) == 2 * cells + 2
-    assert len(primary) == 2 * 2 * len(MEASURES)
+    assert len(primary) == 2 * 2 * len(CRITERIA)
     assert len(rest) == 2 * (cells - 2)
     against = Counter(line[3] for line in primary)
-    assert against == dict.fromkeys(["Setup 2", "the control"], 2 * len(MEASURES))
-    assert len(section.claims) == 2 * len(MEASURES)
-    assert len(section.data["second_learners_differences"]) == (cells + 2) * len(MEASURES)
+    assert against == dict.fromkeys(["Setup 2", "the control"], 2 * len(CRITERIA))
+    assert len(section.claims) == 2 * len(CRITERIA)
+    assert len(section.data["second_learners_differences"]) == (cells + 2) * len(CRITERIA)
 
 
-def test_more_operators_make_the_primary_answer_harder():
+def test_more_operators_widen_the_adjusted_interval_of_the_primary_one():
     rows = made_up(dataclasses.replace(FULL, repeats=8, other_repeats=8), disagreement=3.0)
     alone = [one for one in rows if one["operator"] == "primary"]
     (few, many) = (

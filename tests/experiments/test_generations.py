@@ -1,35 +1,29 @@
-import dataclasses
+"""The feedback loop over generations: its data, its rows and its claims."""
 
 import numpy as np
 import pytest
 
 from drake_shared.common.errors import RunError
-from drake_shared.experiments import generations, setting
-from drake_shared.experiments.section import Size
-
-TINY = Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=2, trials=1)
+from drake_shared.experiments import common, generations
+from drake_shared.experiments.training import PRESETS
 
 
 @pytest.fixture(scope="module")
-def brief():
-    """Learners that are barely trained, one generation, and an operator who manages in spite of them."""
-    with pytest.MonkeyPatch.context() as patch:
-        studied = {
-            name: dataclasses.replace(one, iterations=20, restarts=0) for name, one in setting.STUDIED.items()
-        }
-        patch.setattr(setting, "STUDIED", studied)
+def brief(short_training):
+    """One generation, and an operator who succeeds in spite of the learners."""
+    with short_training() as patch:
         patch.setattr(generations, "OPERATOR", "primary")
-        patch.setattr(generations, "_QUICK_GENERATIONS", 1)
+        patch.setattr(generations, "QUICK_GENERATIONS", 1)
         yield
 
 
 @pytest.fixture(scope="module")
-def results(brief):
-    return [task.run() for task in generations.tasks(None, TINY)]
+def results(brief, run_plan, tiny):
+    return run_plan(generations, tiny)
 
 
 def made_up(*, loss=0.0, error=0.0, gap=0.0):
-    """Rows of eight repeats in which shared runs cost that much of what the frozen learner has."""
+    """Rows of eight repeats in which the shared arm is worse than the frozen one by these amounts."""
     return [
         {
             "preset": preset,
@@ -45,14 +39,14 @@ def made_up(*, loss=0.0, error=0.0, gap=0.0):
             "stalled": False,
             "autonomy_share": 0.25 if arm == "shared" else 0.0,
         }
-        for preset in generations.PRESETS
+        for preset in PRESETS
         for repeat in range(8)
         for arm in generations.ARMS
         for generation in (0, 1)
     ]
 
 
-def test_each_generation_of_both_fed_arms_has_three_runs_more_and_the_frozen_learner_none(results):
+def test_each_generation_adds_three_runs_to_the_fed_arms_and_none_to_the_frozen_one(results):
     rows = [row for result in results for row in result]
     assert len(rows) == 2 * 2 * 3 * 2
     for row in rows:
@@ -60,23 +54,23 @@ def test_each_generation_of_both_fed_arms_has_three_runs_more_and_the_frozen_lea
         assert row["demonstrations"] == 3 + 3 * row["generation"] * fed
 
 
-def test_only_shared_runs_are_made_by_autonomy(results):
+def test_autonomy_has_a_share_in_shared_runs_only(results):
     for row in (row for result in results for row in result):
         if row["arm"] == "shared" and row["generation"]:
-            # A third and more of the data are the human's own.
+            # The base demonstrations are by the human alone.
             assert 0.0 < row["autonomy_share"] < 1.0 - 1.0 / (1 + row["generation"])
         else:
             assert row["autonomy_share"] == 0.0
 
 
-def test_all_arms_begin_with_the_learner_that_the_frozen_one_stays(results):
+def test_all_arms_start_with_the_frozen_learner(results):
     rows = [row for result in results for row in result]
-    for preset in generations.PRESETS:
+    for preset in PRESETS:
         for repeat in (0, 1):
             own = [row for row in rows if (row["preset"], row["repeat"]) == (preset, repeat)]
             same = [row for row in own if row["arm"] == "frozen" or row["generation"] == 0]
-            told = {(row["disagreement"], row["confidence_gain"], row["human_effort"]) for row in same}
-            assert len(told) == 1
+            values = {(row["disagreement"], row["confidence_gain"], row["human_effort"]) for row in same}
+            assert len(values) == 1
             grown = [row for row in own if row not in same]
             assert len(grown) == len({row["confidence_gain"] for row in grown} - {same[0]["confidence_gain"]})
 
@@ -85,26 +79,26 @@ def test_the_same_task_gives_the_same_rows(brief, results):
     assert generations.run_repeats(None, "default", [0, 1], 1, 1) == results[1]
 
 
-def test_a_loop_in_which_the_operator_cannot_go_on_stands_still_and_counts(brief, monkeypatch):
-    def drives(*arguments, learner=None, **others):
+def test_a_repeat_in_which_the_operator_fails_is_stalled_and_counts(brief, monkeypatch, tiny):
+    def demonstrate(*arguments, learner=None, **others):
         if learner is not None:
             raise RunError("stuck")
-        return setting.drives(*arguments, **others)
+        return common.demonstrate(*arguments, **others)
 
-    monkeypatch.setattr(generations, "drives", drives)
+    monkeypatch.setattr(generations, "demonstrate", demonstrate)
     rows = generations.run_repeats(None, "default", [0], 1, 1)
     assert [row["stalled"] for row in rows] == [False] * 3 + [row["arm"] == "shared" for row in rows[3:]]
     last = {row["arm"]: row for row in rows[3:]}
     assert last["shared"] == last["frozen"] | {"arm": "shared", "stalled": True}
     assert last["human"]["demonstrations"] == 6
     made = [row for row in made_up() if row["preset"] == "paper"]
-    text = " ".join(generations.report(None, TINY, [made, rows]).text)
+    text = " ".join(generations.report(None, tiny, [made, rows]).text)
     assert "with preset paper autonomy made 25% of the shared arm's data" in text
-    assert "counts as it is: 1 with preset default, arm shared (" in text
+    assert ": 1 with preset default, arm shared (" in text
 
 
-def test_the_report_follows_the_rows(results):
-    section = generations.report(None, TINY, results)
+def test_the_report_shows_the_rows(results, tiny):
+    section = generations.report(None, tiny, results)
     assert len(section.pictures) == 2
     assert [len(table.rows) for table in section.tables] == [2 * 3, 2 * 3]
     assert [claim.estimate.count for claim in section.claims] == [2] * 6
@@ -119,5 +113,5 @@ def test_the_report_follows_the_rows(results):
     ],
 )
 def test_verdicts_follow_from_the_rows(cost, verdicts):
-    claims = generations._claims(made_up(**cost), 1)
+    claims = generations.claims(made_up(**cost), 1)
     assert [claim.verdict for claim in claims] == list(np.repeat(verdicts, 2))

@@ -1,4 +1,4 @@
-"""A whole run: what ends it, before its tasks or after them, is said and costs nothing that is done."""
+"""A run of experiments: errors before and after its tasks lose no results."""
 
 import errno
 import json
@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from drake_shared.common.errors import InputError, RunError
-from drake_shared.experiments import reproduce as whole
-from drake_shared.experiments.section import QUICK, Experiment, Section
+from drake_shared.experiments import reproduce as module
+from drake_shared.experiments.section import QUICK, Experiment, PlannedTask, Section
 from drake_shared.simulation.runner import Task
 
 
-def told(_scenario, _size, results) -> Section:
+def small_report(_scenario, _size, results) -> Section:
     return Section(title="Small", text=results, data={"small": [{"value": value} for value in results]})
 
 
@@ -22,15 +22,14 @@ def told(_scenario, _size, results) -> Section:
 def run(tmp_path, monkeypatch):
     """Runs an experiment of two small tasks in ``tmp_path / "run"``."""
 
-    def run(report=told, **options) -> list[Section]:
+    def run(report=small_report, **options) -> list[Section]:
         experiment = Experiment(
             name="small",
-            tasks=lambda *_: [Task("json:dumps", {"obj": [number]}) for number in range(2)],
-            cost=lambda _: 0.1,
+            plan=lambda *_: [PlannedTask(Task("json:dumps", {"obj": [one]}), 0.1) for one in range(2)],
             report=report,
         )
-        monkeypatch.setattr(whole, "find_experiments", lambda _: [experiment])
-        return whole.reproduce(tmp_path / "run", size=QUICK, **options)
+        monkeypatch.setattr(module, "find_experiments", lambda _: [experiment])
+        return module.reproduce(tmp_path / "run", size=QUICK, **options)
 
     return run
 
@@ -40,19 +39,19 @@ def files(folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "named"),
     [
-        ({"workers": 0}, "workers must be at least 1, got 0"),
-        ({"cluster": "nowhere"}, "--cluster must be the"),
+        ({"workers": 0}, "workers"),
+        ({"cluster": "nowhere"}, "--cluster"),
     ],
 )
-def test_where_nothing_can_be_run_no_folder_is_begun(run, tmp_path, options, said):
-    with pytest.raises(InputError, match=said):
+def test_without_workers_no_folder_is_created(run, tmp_path, options, named):
+    with pytest.raises(InputError, match=named):
         run(**options)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_disk_that_is_full_when_the_report_is_written_is_said_and_the_rest_follows(
+def test_a_disk_that_is_full_when_the_report_is_written_ends_the_run_which_can_be_resumed(
     run, tmp_path, monkeypatch
 ):
     write = Path.write_text
@@ -68,36 +67,36 @@ def test_a_disk_that_is_full_when_the_report_is_written_is_said_and_the_rest_fol
             run()
     assert "\n" not in str(caught.value)
     assert files(tmp_path / "run") == {"run.json", "results", "data", "report.json"}
-    asked = []
-    (section,) = run(resume=True, say=asked.append)
+    messages = []
+    (section,) = run(resume=True, say=messages.append)
     assert section.text == ["[0]", "[1]"]
-    # How long it will take is said only where something is to be run.
-    assert [text.split()[0] for text in asked] == ["wrote"]
+    # The expected time is given only if tasks remain.
+    assert [text.split()[0] for text in messages] == ["wrote"]
     assert "report.html" in files(tmp_path / "run")
 
 
-def test_a_report_is_not_put_where_the_run_is_no_more(run, tmp_path):
+def test_no_report_is_written_to_a_removed_run(run, tmp_path):
     def remove(*arguments) -> Section:
         shutil.rmtree(tmp_path / "run")
-        return told(*arguments)
+        return small_report(*arguments)
 
-    with pytest.raises(RunError, match=r"run\.json was removed"):
+    with pytest.raises(RunError, match=r"run\.json"):
         run(remove)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_run_that_is_begun_anew_has_no_report_before_its_own(run, tmp_path):
+def test_an_overwritten_run_has_no_report_of_the_old_one(run, tmp_path):
     run()
-    assert json.loads((tmp_path / "run" / "report.json").read_text())["title"] == whole.TITLE
+    assert json.loads((tmp_path / "run" / "report.json").read_text())["title"] == module.TITLE
     data = tmp_path / "run" / "data"
     (data / "own.parquet").touch()
     assert files(data) == {"small.parquet", "own.parquet"}
 
-    def give_up(*_):
+    def interrupt(*_):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(give_up, force=True)
+        run(interrupt, force=True)
     assert files(tmp_path / "run") == {"run.json", "results", "data"}
     assert files(data) == {"own.parquet"}
 
@@ -105,7 +104,7 @@ def test_a_run_that_is_begun_anew_has_no_report_before_its_own(run, tmp_path):
 @pytest.mark.parametrize(
     "text", ["", "[]", '{"sections": [{}]}', '{"sections": [{"data": ["../run", 1, "a b"]}]}']
 )
-def test_a_report_that_says_nothing_true_of_its_data_removes_none(run, tmp_path, text):
+def test_a_damaged_report_removes_no_data(run, tmp_path, text):
     run()
     folder = tmp_path / "run"
     (folder / "run.parquet").touch()

@@ -1,31 +1,25 @@
-import dataclasses
+"""Sensitivity to K and to the number of demonstrations."""
 
 import pytest
 
-from drake_shared.experiments import sensitivity, setting
-from drake_shared.experiments.paired_trials import by_learner
-from drake_shared.experiments.section import Size
-
-TINY = Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=2, trials=1)
+from drake_shared.experiments import sensitivity
+from drake_shared.experiments.measures import by_learner
+from drake_shared.experiments.training import PRESETS
 
 
 @pytest.fixture(scope="module")
-def results():
-    """Of barely trained learners, at two K and with two numbers of demonstrations."""
-    brief = {
-        name: dataclasses.replace(one, iterations=20, restarts=0) for name, one in setting.STUDIED.items()
-    }
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(setting, "STUDIED", brief)
+def results(short_training, run_plan, tiny):
+    """Of learners with three multiples of K and two numbers of demonstrations."""
+    with short_training() as patch:
         patch.setattr(sensitivity, "FACTORS", (0.1, 1.0, 10.0))
         patch.setattr(sensitivity, "COUNTS", (3, 4))
-        yield [task.run() for task in sensitivity.tasks(None, TINY)]
+        yield run_plan(sensitivity, tiny)
 
 
-def test_along_a_curve_only_k_or_the_demonstrations_differ(results):
+def test_only_k_or_the_demonstrations_differ_along_a_curve(results):
     rows = [row for result in results for row in result]
     assert len(rows) == 2 * 2 * 2 * (3 + 1)
-    for preset in sensitivity.PRESETS:
+    for preset in PRESETS:
         for learner in (0, 1):
             own = [row for row in rows if row["preset"] == preset and row["learner"] == learner]
             assert len({(row["route"], row["seed"]) for row in own}) == 1
@@ -33,7 +27,7 @@ def test_along_a_curve_only_k_or_the_demonstrations_differ(results):
             assert gains[0.1] == pytest.approx(0.01 * gains[10.0])
 
 
-def test_more_k_leaves_more_to_the_human(results):
+def test_a_larger_k_gives_the_human_more_weight(results):
     rows = [row for result in results for row in result]
     low, high = (
         by_learner(rows, "mean_human_weight", preset="paper", demonstrations=3, factor=factor)
@@ -42,12 +36,12 @@ def test_more_k_leaves_more_to_the_human(results):
     assert (high > low).all()
 
 
-def test_the_report_follows_the_rows(results):
-    section = sensitivity.report(None, TINY, results)
+def test_the_report_shows_the_rows(results, tiny):
+    section = sensitivity.report(None, tiny, results)
     assert len(section.pictures) == len(section.tables) == 2
     assert [len(table.rows) for table in section.tables] == [4 * 3, 4 * 2]
     rows = [dict(row) for result in results for row in result]
     for row in rows:
         row["intent_success"] = row["factor"] <= 1.0
-    told = " ".join(sensitivity.report(None, TINY, [rows]).text)
-    assert "−100 points [−100, −100] for unskilled" in told
+    text = " ".join(sensitivity.report(None, tiny, [rows]).text)
+    assert "−100 points [−100, −100] for unskilled" in text

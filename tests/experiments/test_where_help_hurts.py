@@ -1,16 +1,18 @@
-import dataclasses
+"""Where assistance hurts, and the seeds of paired trials."""
 
 import numpy as np
 
-from drake_shared.experiments import setting, where_help_hurts
-from drake_shared.experiments.paired_trials import by_learner, groups, settings, taught
+from drake_shared.experiments import where_help_hurts
+from drake_shared.experiments.measures import by_learner
+from drake_shared.experiments.paired_trials import demonstrations_of, groups, settings_of
 from drake_shared.experiments.section import FULL, QUICK
+from drake_shared.experiments.training import PRESETS
 
 GRID = {"skills": [0.2, 1.0], "delay": [0.1], "noise": [0.0, 1.2]}
 
 
 def made_up(learners=6):
-    """Rows in which help costs the skilled a third of their successes, and gives it to the others."""
+    """Rows in which assistance lowers the success of skilled operators by 0.3, and raises that of others."""
     rng = np.random.default_rng(0)
     rows = []
     for learner in range(learners):
@@ -18,7 +20,7 @@ def made_up(learners=6):
             for skill in GRID["skills"]:
                 for value in GRID[name]:
                     base = 0.5 + 0.02 * rng.standard_normal()
-                    for arm in ("alone", *where_help_hurts.PRESETS):
+                    for arm in ("alone", *PRESETS):
                         more = 0.0 if arm == "alone" else (-0.3 if skill == 1.0 else 0.3)
                         more += 0.01 * rng.standard_normal()
                         rows.append(
@@ -28,7 +30,7 @@ def made_up(learners=6):
     return rows
 
 
-def test_cells_that_hurt_are_found_and_told():
+def test_cells_in_which_assistance_hurts_are_listed():
     cells = where_help_hurts.differences(made_up())
     assert len(cells) == 2 * 2 * (2 * 1 + 2 * 2)
     success = [cell for cell in cells if cell["measure"] == "intent_success"]
@@ -49,42 +51,39 @@ def test_more_effort_hurts():
     assert where_help_hurts.helps({**cell, "low": -2.0, "high": -1.0})
 
 
-def test_alone_and_assisted_have_the_same_routes_and_seeds(monkeypatch):
-    brief = {
-        name: dataclasses.replace(one, iterations=20, restarts=0) for name, one in setting.STUDIED.items()
-    }
-    monkeypatch.setattr(setting, "STUDIED", brief)
-    rows = where_help_hurts.run_maps(None, [1], 2, GRID)
-    meant = {
+def test_alone_and_assisted_have_the_same_routes_and_seeds(short_training):
+    with short_training():
+        rows = where_help_hurts.run_maps(None, [1], 2, GRID)
+    trials = {
         arm: [(row["map"], row["route"], row["seed"]) for row in rows if row["arm"] == arm]
-        for arm in ("alone", *where_help_hurts.PRESETS)
+        for arm in ("alone", *PRESETS)
     }
-    assert meant["alone"] == meant["paper"] == meant["default"]
-    assert len(meant["alone"]) == 2 * 6
+    assert trials["alone"] == trials["paper"] == trials["default"]
+    assert len(trials["alone"]) == 2 * 6
     good = [row for row in rows if row["arm"] == "alone" and row["skill"] == 1.0 and row["value"] < 1.0]
     assert all(row["intent_success"] for row in good)
 
 
-def test_grids():
-    full, quick = (where_help_hurts.tasks(None, size) for size in (FULL, QUICK))
+def test_a_quick_run_has_a_coarser_grid():
+    full, quick = ([one.task for one in where_help_hurts.plan(None, size)] for size in (FULL, QUICK))
     assert [len(values) for values in full[0].arguments["grid"].values()] == [5, 5, 5]
     assert [len(values) for values in quick[0].arguments["grid"].values()] == [3, 3, 3]
     assert [len(task.arguments["learners"]) for task in (*full, *quick)] == [4, 4, 2]
 
 
-def test_fewer_demonstrations_are_the_first_of_more():
-    few, more = taught(None, 3, count=3), taught(None, 3, count=4)
+def test_a_smaller_set_of_demonstrations_is_the_start_of_a_larger_one():
+    few, more = demonstrations_of(None, 3, count=3), demonstrations_of(None, 3, count=4)
     assert all(
         (one.positions == other.positions).all() for one, other in zip(list(few), list(more)[:3], strict=True)
     )
 
 
-def test_no_two_trials_share_a_seed():
+def test_seeds_of_trials_are_unique():
     seeds = [
-        settings(None, "primary", learner, trial)["seed"] for learner in range(20) for trial in range(10)
+        settings_of(None, "primary", learner, trial)["seed"] for learner in range(20) for trial in range(10)
     ]
     assert len(set(seeds)) == len(seeds)
-    assert "then" in settings(None, "switching", 0, 0)
+    assert "then" in settings_of(None, "switching", 0, 0)
 
 
 def test_means_by_learner():
