@@ -306,8 +306,8 @@ def _outcome(comparisons: Sequence[Comparison]) -> list[str]:
 def _claim(one: Comparison) -> Claim:
     criterion = CRITERIA[one.measure]
     return Claim(
-        text=f"{title_of(one.measure).capitalize()} is {criterion.better} with Setup 1 than with Setup 2 (preset "
-        f"{one.cell.preset}{'' if criterion.paper else '; not reported in the paper'})",
+        text=f"{title_of(one.measure).capitalize()} is {criterion.better} with Setup 1 than with Setup 2 "
+        f"(preset {one.cell.preset}{'' if criterion.paper else '; not reported in the paper'})",
         estimate=one.estimate,
         smallest=criterion.smallest,
         unit=criterion.unit,

@@ -172,7 +172,8 @@ def _evaluate(
     world = scenario_of(scenario)
     behaviour = OPERATORS[OPERATOR].behaviour_in(world)
     routes = demonstrations_of_routes(world, learner)
-    found, parts = [], []
+    found: list[Mapping[str, Any]] = []
+    parts = []
     for index in range(trials):
         route = world.routes[index % len(world.routes)].name
         trial = run(scenario, learner, route=route, seed=seed + index, behaviour=behaviour)

@@ -67,7 +67,8 @@ class Drive:
 
     def distances(self, name: str, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """The distance of each position (n, 2) from a route, shape (n,), in [m]."""
-        return _distances(positions, points_of(self.path(name))).min(axis=1)
+        distances: NDArray[np.float64] = _distances(positions, points_of(self.path(name))).min(axis=1)
+        return distances
 
 
 def drive_of(scenario: str | None, case: str, learner: int, trial: int) -> Drive:

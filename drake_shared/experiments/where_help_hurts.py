@@ -138,13 +138,13 @@ def differences(rows: Rows) -> list[dict[str, Any]]:
 def hurts(cell: Mapping[str, Any]) -> bool:
     """Whether the whole interval of a cell of `differences` is on the side that hurts."""
     sign = _sign(cell["measure"])
-    return min(sign * cell["low"], sign * cell["high"]) > 0.0
+    return bool(min(sign * cell["low"], sign * cell["high"]) > 0.0)
 
 
 def helps(cell: Mapping[str, Any]) -> bool:
     """Whether the whole interval of a cell of `differences` is on the side that helps."""
     sign = _sign(cell["measure"])
-    return max(sign * cell["low"], sign * cell["high"]) < 0.0
+    return bool(max(sign * cell["low"], sign * cell["high"]) < 0.0)
 
 
 def _sign(measure: str) -> float:
