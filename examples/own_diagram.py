@@ -37,7 +37,7 @@ def main() -> np.ndarray:
     simulator.AdvanceTo(5.0)
     context = estimator.GetMyContextFromRoot(simulator.get_context())
     intention = estimator.GetOutputPort("intention").Eval(context)
-    print("expected in 1 s:", intention.position(intention.time + 1.0))
+    print("expected in 1 s:", intention.position_at(intention.time + 1.0))
     confidence = log.FindLog(simulator.get_context()).data()[0]
     print(f"confidence: {confidence[0]:.2f} at the start, {confidence[-20]:.2f} past the obstacle")
     return confidence
