@@ -58,7 +58,8 @@ def described_robot(
 ) -> RobotDescription:
     """The robot of a log.
 
-    Logs of version 0.1.0 have no description: their robot is the differential drive of their scenario.
+    Logs of version 0.1.0 have no description: their robot is the differential drive of their scenario, or
+    the Pioneer P3-DX without a scenario.
 
     Args:
         metadata: Of the log.
@@ -70,8 +71,8 @@ def described_robot(
     data = metadata.get("robot")
     if data is None:
         try:
-            return describe_robot(DiffDrive(**metadata["scenario"]["robot"]))
-        except (KeyError, TypeError, ZeroDivisionError) as error:
+            return describe_robot(DiffDrive(**metadata.get("scenario", {}).get("robot", {})))
+        except (TypeError, AttributeError) as error:
             raise InputError(source, "scenario.robot", f"must be a differential drive: {error}") from error
     try:
         names = {

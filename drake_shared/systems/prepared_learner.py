@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from drake_shared.common.errors import InputError, RunError
 from drake_shared.demonstrations import ProgressClock
-from drake_shared.learners import Learner
-from drake_shared.learners.modes import Modes
+from drake_shared.learners import Learner, Modes, MultimodalLearner, PrefixLearner, check_prediction
+from drake_shared.learners.base import Prediction
 from drake_shared.robots import Robot, scaled_length
 
 Array = NDArray[np.float64]
@@ -51,8 +51,8 @@ class PreparedLearner:
         self.clock = None
         if learner.metadata.get("clock") == "progress" and taught is not None:
             self.clock = ProgressClock(self.grid, taught, tolerance=scaled_length(robot, _CLOCK_TOLERANCE))
-        self._predict_modes = getattr(learner, "predict_modes", None)
-        self._predict_prefixes = getattr(learner, "predict_prefixes", None)
+        self._multimodal = learner if isinstance(learner, MultimodalLearner) else None
+        self._prefix = learner if isinstance(learner, PrefixLearner) else None
         self.uses_command = use_human_command and learner.metadata.get("evidence") == "pose+command"
         moments = np.linspace(0, len(self.grid) - 1, MOMENTS + 1).round().astype(int)[1:]
         # Indices of the coordinates at the moments in a flat array of a whole grid.
@@ -61,7 +61,7 @@ class PreparedLearner:
 
     def predict(
         self, times: list[float], positions: list[tuple[float, ...]], later: Array, *, now: float
-    ) -> tuple[list[tuple[Array, Array]], Modes | None]:
+    ) -> tuple[list[Prediction], Modes | None]:
         """Predictions after the first observation, after the first two, and so on.
 
         Args:
@@ -78,41 +78,28 @@ class PreparedLearner:
             RunError: The learner raised an exception, or its prediction has another shape, a variance that is
                 not positive, or shares memory with another one.
         """
-        cause: Exception | None = None
+        source = f"learner {self.learner.name!r} at t = {now:.3f} s"
         try:
             predictions, modes = self._predict(np.array(times), np.array(positions), later)
-            fault = self._fault(predictions, (len(later), self._size))
+            for mean, variance in predictions:
+                check_prediction(mean, variance, (len(later), self._size), source=source)
+        except InputError as error:
+            raise RunError(str(error)) from error
         except Exception as error:  # Learners from outside this package may raise anything.
-            fault, cause = f"raised {type(error).__name__}: {error}", error
-        else:
-            if not fault:
-                return predictions, modes
-        raise RunError(f"learner {self.learner.name!r} at t = {now:.3f} s {fault}") from cause
-
-    @staticmethod
-    def _fault(predictions: list[tuple[Array, Array]], shape: tuple[int, int]) -> str:
-        """How the predictions break the contract; empty if they keep it."""
-        for mean, variance in predictions:
-            if mean.shape != shape or variance.shape != shape:
-                got = f"{mean.shape} and {variance.shape}"
-                return f"must predict mean and variance of shape {shape}, got {got}"
-            # NaN means "unknown" and passes.
-            if variance.min() <= 0.0:
-                return f"must predict a positive variance, got {float(variance.min()):g}"
+            raise RunError(f"{source} raised {type(error).__name__}: {error}") from error
         if len(predictions) > 1 and np.may_share_memory(predictions[0][0], predictions[1][0]):
-            return "must return fresh arrays, not views of one buffer"
-        return ""
+            raise RunError(f"{source} must return new arrays, not views of a work buffer")
+        return predictions, modes
 
-    def _predict(
-        self, times: Array, positions: Array, later: Array
-    ) -> tuple[list[tuple[Array, Array]], Modes | None]:
-        if self._predict_modes is not None:
-            told = [self._predict_modes(times[:n], positions[:n], later) for n in range(1, len(times) + 1)]
-            return [(mean, variance) for mean, variance, _ in told], told[-1][2]
-        if self._predict_prefixes is not None:
-            return self._predict_prefixes(times, positions, later), None
-        predict = self.learner.predict
-        return [predict(times[:n], positions[:n], later) for n in range(1, len(times) + 1)], None
+    def _predict(self, times: Array, positions: Array, later: Array) -> tuple[list[Prediction], Modes | None]:
+        counts = range(1, len(times) + 1)
+        if self._multimodal is not None:
+            predict = self._multimodal.predict_modes
+            predictions = [predict(times[:n], positions[:n], later) for n in counts]
+            return [(mean, variance) for mean, variance, _ in predictions], predictions[-1][2]
+        if self._prefix is not None:
+            return self._prefix.predict_prefixes(times, positions, later), None
+        return [self.learner.predict(times[:n], positions[:n], later) for n in counts], None
 
     def first_after(self, now: float) -> int:
         """Index of the first query later than ``now``, in [s]; the last index if there is none."""

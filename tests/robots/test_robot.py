@@ -100,7 +100,7 @@ def test_a_log_without_a_description_is_that_of_a_differential_drive():
 @pytest.mark.parametrize(
     ("metadata", "field"),
     [
-        ({}, "scenario.robot"),
+        ({"scenario": 3}, "scenario.robot"),
         ({"scenario": {"robot": {"legs": 4}}}, "scenario.robot"),
         ({"robot": {"type": "PointRobot"}}, "robot"),
         ({"robot": 3}, "robot"),
