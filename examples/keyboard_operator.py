@@ -15,7 +15,6 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_shared import Scenario, Simulation, TrialSettings, load_learner, load_scenario, metrics
-from drake_shared.common.files import models_directory
 
 
 class KeyboardOperator(LeafSystem):
@@ -68,7 +67,7 @@ def make_operator(*, scenario: Scenario, source: Any, period: float) -> LeafSyst
 def main() -> dict[str, Any]:
     """Drives the shipped task alone and with help."""
     scenario = load_scenario("two_obstacles")
-    learner = load_learner(models_directory() / "learners" / "two_obstacles_default.safetensors")
+    learner = load_learner("two_obstacles")
     operator = make_operator(scenario=scenario, source=None, period=scenario.control_period)
     simulation = Simulation(scenario, learner=learner, operator=operator)
     results = {}

@@ -21,7 +21,6 @@ from pydrake.systems.primitives import (
 )
 
 from drake_shared import ConfidenceBlender, DiffDrive, IntentionEstimator, WaypointController, load_learner
-from drake_shared.common.files import models_directory
 
 PERIOD = 0.05  # Control period, in [s].
 
@@ -42,7 +41,7 @@ def unicycle(robot: DiffDrive) -> SymbolicVectorSystem:
 def main(duration: float = 4.0) -> NDArray[np.float64]:
     """Simulates ``duration`` s and returns w at each step, shape (n,)."""
     robot = DiffDrive()
-    learner = load_learner(models_directory() / "learners" / "two_obstacles_default.safetensors")
+    learner = load_learner("two_obstacles")
     builder = DiagramBuilder()
     human = builder.AddSystem(ConstantVectorSource(robot.wheel_speeds(0.4, 0.25)))
     estimator = builder.AddSystem(IntentionEstimator(learner=learner, robot=robot, period=PERIOD))
