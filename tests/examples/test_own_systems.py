@@ -22,7 +22,8 @@ def test_an_operator_of_ones_own_reaches_the_goal_and_adds_columns_to_the_log(ex
 
 def test_a_registered_operator_is_made_by_its_name(example, monkeypatch):
     module = example("keyboard_operator")
-    point = importlib.metadata.EntryPoint("keyboard", "keyboard_operator:make_operator", "drake_shared.operators")
+    group = "drake_shared.operators"
+    point = importlib.metadata.EntryPoint("keyboard", "keyboard_operator:make_operator", group)
     monkeypatch.setattr("drake_shared.common.entry_points.entry_points", lambda group: [point])
     assert registered_operators() == ["keyboard"]
     operator = make_operator("keyboard", scenario=load_scenario())
