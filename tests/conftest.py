@@ -12,11 +12,11 @@ from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 
 
 class FakeLearner:
-    """Expects the way of one route at an even pace, with a variance that it is told.
+    """Predicts one route at an even pace, with a given variance.
 
     Args:
         route: Positions (N, 2) expected on the grid, in [m].
-        variance: In [m^2]; a number, or anything that spreads over the grid (N, 2).
+        variance: In [m^2]; a number, or an array that broadcasts to the grid (N, 2).
         clock: "time" or "progress".
     """
 
@@ -32,12 +32,13 @@ class FakeLearner:
         self.demonstrations = np.asarray(route, dtype=float)[None]
         self.metadata = {"clock": clock, "id": "fake"}
         self.calls: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-        self._variance = np.broadcast_to(variance, (len(route), 2))
+        self.variance = variance
 
     def predict(self, times, positions, query_times):
         self.calls.append((times.copy(), positions.copy(), query_times.copy()))
         index = np.searchsorted(self.grid, np.asarray(query_times) - 1e-9)
-        return self.demonstrations[0][index].copy(), self._variance[index].copy()
+        variance = np.broadcast_to(self.variance, self.demonstrations[0].shape)
+        return self.demonstrations[0][index].copy(), variance[index].copy()
 
 
 @pytest.fixture(scope="session")

@@ -53,7 +53,9 @@ def test_the_prediction_is_the_one_that_the_trial_had(scenario, route_learner, t
     """The learner is shown the same at every step: where the robot was, and where its driver pointed."""
     learner = route_learner(scenario, variance=0.05, clock=clock)
     learner.metadata |= {"evidence": "pose+command"}
-    trial = Simulation(scenario, learner=learner).run(TrialSettings(route="right_left"))
+    simulation = Simulation(scenario, learner=learner)
+    learner.calls.clear()
+    trial = simulation.run(TrialSettings(route="right_left"))
     asked = [[part.tolist() for part in call] for call in learner.calls]
     learner.calls.clear()
     write_replay(trial, tmp_path / "trial.html", learner=learner)

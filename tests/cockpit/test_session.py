@@ -241,7 +241,9 @@ def test_an_interrupted_trial_is_saved(start_cockpit, short_floor):
 
 
 def test_with_a_learner_that_outputs_nan_the_human_drives_alone(start_cockpit, short_floor, route_learner):
-    cockpit = start_cockpit(short_floor, route_learner(short_floor, variance=np.nan))
+    learner = route_learner(short_floor)
+    cockpit = start_cockpit(short_floor, learner)
+    learner.variance = np.nan
     with Driver(cockpit.driver_lock) as driver:
         driver.push(forward=1.0)
         trial = cockpit.next_trial()
@@ -251,7 +253,12 @@ def test_with_a_learner_that_outputs_nan_the_human_drives_alone(start_cockpit, s
 
 
 class FailingLearner:
-    """Raises an exception from ``fail_at`` on, in [s] of the trial; otherwise predicts as ``learner``."""
+    """Raises an exception from ``fail_at`` on, in [s] of the trial; otherwise predicts as ``learner``.
+
+    It is sound while ``armed`` is False, so that it passes the check of a learner when it is wired.
+    """
+
+    armed = False
 
     def __init__(self, learner, fail_at):
         self._learner = learner
@@ -261,7 +268,7 @@ class FailingLearner:
         return getattr(self._learner, name)
 
     def predict(self, times, positions, query_times):
-        if times[0] >= self._fail_at:
+        if self.armed and times[0] >= self._fail_at:
             raise ZeroDivisionError("a bug")
         return self._learner.predict(times, positions, query_times)
 
@@ -271,6 +278,7 @@ def test_after_a_failure_of_the_learner_the_trial_is_saved_and_the_driver_goes_o
 ):
     learner = FailingLearner(route_learner(long_floor, clock="time"), fail_at=2.0)
     cockpit = start_cockpit(long_floor, learner)
+    learner.armed = True
     for number in (1, 2):
         with Driver(cockpit.driver_lock) as driver:
             driver.push(forward=1.0)
@@ -297,7 +305,9 @@ def test_after_a_failure_of_the_learner_the_trial_is_saved_and_the_driver_goes_o
 
 
 def test_a_learner_that_fails_at_once_leaves_the_human_alone(start_cockpit, short_floor, route_learner):
-    cockpit = start_cockpit(short_floor, FailingLearner(route_learner(short_floor), fail_at=0.0))
+    learner = FailingLearner(route_learner(short_floor), fail_at=0.0)
+    cockpit = start_cockpit(short_floor, learner)
+    learner.armed = True
     with Driver(cockpit.driver_lock) as driver:
         driver.push(forward=1.0)
         trial = cockpit.next_trial()

@@ -161,10 +161,11 @@ def test_behaviour_is_a_setting(simulation):
     assert trial.metadata["behaviour"]["late_start"] == 2.0
 
 
-def test_a_learner_that_says_nan_leaves_the_human_to_drive_alone(scenario, route_learner):
+def test_predictions_of_nan_leave_the_human_to_drive_alone(scenario, route_learner):
     silent = route_learner(scenario, variance=math.nan)
     silent.demonstrations = np.full_like(silent.demonstrations, math.nan)
-    trial = Simulation(scenario, learner=silent).run(TrialSettings(seed=5, route="left_right"))
+    simulation = Simulation(scenario, learner=route_learner(scenario))
+    trial = simulation.run(TrialSettings(seed=5, route="left_right"), learner=silent)
     alone = Simulation(scenario).run(TrialSettings(seed=5, route="left_right", driver="human"))
     np.testing.assert_array_equal(trial.positions, alone.positions)
     np.testing.assert_array_equal(trial["human_weight"], 1.0)
@@ -173,10 +174,10 @@ def test_a_learner_that_says_nan_leaves_the_human_to_drive_alone(scenario, route
     assert np.isfinite(trial.commands("shared")).all()
 
 
-def test_a_learner_that_fails_on_the_way_hands_over_to_the_human(scenario, route_learner):
+def test_predictions_of_nan_on_the_way_hand_over_to_the_human(scenario, route_learner):
     learner = route_learner(scenario, "left_right", variance=1e-4)
-    learner.demonstrations[0, 75:] = math.nan
     simulation = Simulation(scenario, learner=learner, config=config_for("paper", end="duration"))
+    learner.demonstrations[0, 75:] = math.nan
     trial = simulation.run(TrialSettings(route="left_right"))
     assert trial["human_weight"][0] == 0.0
     assert trial["human_weight"][-1] == 1.0

@@ -157,9 +157,9 @@ def test_all_outputs_come_from_one_prediction(fake_learner):
 @pytest.mark.parametrize("clock", ["time", "progress"])
 def test_one_prediction_a_step_in_a_trial(open_floor, route_learner, clock):
     learner = route_learner(open_floor, clock=clock)
-    trial = Simulation(open_floor, learner=learner, config=config_for("test", end="duration")).run(
-        TrialSettings()
-    )
+    simulation = Simulation(open_floor, learner=learner, config=config_for("test", end="duration"))
+    learner.calls.clear()
+    trial = simulation.run(TrialSettings())
     assert len(trial["t"]) == open_floor.steps + 1
     assert open_floor.steps <= len(learner.calls) <= open_floor.steps + 1
 
