@@ -36,15 +36,15 @@ TITLE = "Adaptive shared control with human intention estimation: a reproduction
 
 
 def find_experiments(only: Sequence[str] = ()) -> list[Experiment]:
-    """The experiments of these names, or all.
+    """The experiments of these names or modules, or all.
 
     Raises:
         InputError: A name is unknown.
     """
     for name in only:
-        if name not in MODULES:
+        if name not in MODULES and name not in MODULES.values():
             raise InputError("reproduce", "only", f"must be among {', '.join(MODULES)}", repr(name))
-    chosen = [module for name, module in MODULES.items() if name in only or not only]
+    chosen = [module for name, module in MODULES.items() if not only or name in only or module in only]
     return [import_module(f"drake_shared.experiments.{module}").EXPERIMENT for module in chosen]
 
 

@@ -38,6 +38,16 @@ def files(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
 
 
+def test_experiments_are_found_by_name_and_by_module():
+    names = [experiment.name for experiment in module.find_experiments()]
+    assert names == list(module.MODULES)
+    for only in (["weighting", "sensitivity"], ["sensitivity", "fig2_weighting"]):
+        chosen = module.find_experiments(only)
+        assert [experiment.name for experiment in chosen] == ["weighting", "sensitivity"]
+    with pytest.raises(InputError, match="fig9"):
+        module.find_experiments(["fig9"])
+
+
 @pytest.mark.parametrize(
     ("options", "named"),
     [

@@ -97,9 +97,8 @@ def _cluster(address: str) -> Iterator[Pool]:
     try:
         import distributed
     except ImportError:
-        raise InputError(
-            "--cluster", "", "needs Dask: install the extra with pip install 'drake_shared[cluster]'", address
-        ) from None
+        expected = "needs Dask: install the extra with pip install 'drake_shared[distributed]'"
+        raise InputError("--cluster", "", expected, address) from None
     # This module reports a lost connection in one line; Dask would add its traceback.
     logger = logging.getLogger("distributed.client")
     level = logger.level
