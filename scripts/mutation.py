@@ -1,0 +1,197 @@
+"""Mutation testing with Cosmic Ray's operators, on a sample of the mutants, in copies of the checkout.
+
+    scripts/mutate drake_shared/arbitration --tests tests/arbitration tests/systems/test_confidence_blender.py
+
+Each mutant changes one place of a module. It is killed if a test fails or takes much too long, and survives
+otherwise. Results are appended to a file of JSON lines, so that a run that was stopped continues.
+"""
+
+from __future__ import annotations
+
+import argparse
+import concurrent.futures
+import difflib
+import hashlib
+import json
+import os
+import queue
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.operators.operator import Operator
+from cosmic_ray.plugins import get_operator
+from parso.tree import NodeOrLeaf
+
+ROOT = Path(__file__).resolve().parents[1]
+# One replacement for each operator; all pairs would be ten times as many, and as easily killed.
+_PAIRS = {
+    "BinaryOperator": "Add_Sub Sub_Add Mul_Div Div_Mul Pow_Mul FloorDiv_Mul Mod_Mul",
+    "ComparisonOperator": "Lt_LtE LtE_Lt Gt_GtE GtE_Gt Lt_Gt Gt_Lt Eq_NotEq NotEq_Eq Is_IsNot IsNot_Is",
+    "UnaryOperator": "USub_UAdd Delete_Not",
+}
+OPERATORS = (
+    *(f"core/Replace{kind}_{pair}" for kind, pairs in _PAIRS.items() for pair in pairs.split()),
+    *("core/ReplaceAndWithOr", "core/ReplaceOrWithAnd", "core/ReplaceTrueWithFalse"),
+    *("core/ReplaceFalseWithTrue", "core/ReplaceBreakWithContinue", "core/ReplaceContinueWithBreak"),
+    *("core/AddNot", "core/NumberReplacer", "core/ZeroIterationForLoop"),
+)
+
+
+class TakeFirstArgument(Operator):
+    """Replaces max(a, b, ...), min, clip, maximum, minimum by ``a``."""
+
+    _FUNCTIONS = ("max", "min", "clip", "maximum", "minimum")
+
+    def mutation_positions(self, node: NodeOrLeaf) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+        """The whole call, if it has several positional arguments."""
+        children = getattr(node, "children", ())
+        if node.type in ("power", "atom_expr") and len(children) in (2, 3):
+            *_, name, call = children
+            last = name.get_last_leaf().value
+            inner = call.children[1] if call.type == "trailer" and len(call.children) == 3 else None
+            if last in self._FUNCTIONS and inner is not None and inner.type == "arglist":
+                yield node.start_pos, node.end_pos
+
+    def mutate(self, node: NodeOrLeaf, index: int) -> NodeOrLeaf:
+        """The first argument in place of the call."""
+        first = node.children[-1].children[1].children[0]
+        first.get_first_leaf().prefix = node.get_first_leaf().prefix
+        return first
+
+    @classmethod
+    def examples(cls) -> tuple[()]:
+        """None."""
+        return ()
+
+
+class Mutant(NamedTuple):
+    """A mutated module."""
+
+    module: str
+    operator: str
+    difference: str
+    code: str
+
+    @property
+    def key(self) -> str:
+        """Identifies the mutant, as long as its module does not change."""
+        return hashlib.sha256(f"{self.module}\n{self.code}".encode()).hexdigest()[:16]
+
+
+def mutants_of(module: str) -> Iterator[Mutant]:
+    """All mutants of a module."""
+    source = (ROOT / module).read_text(encoding="utf-8")
+    operators = {name: get_operator(name)() for name in OPERATORS}
+    operators["TakeFirstArgument"] = TakeFirstArgument()
+    for name, operator in operators.items():
+        nodes = ast_nodes(get_ast(source))
+        count = sum(1 for node in nodes for _ in operator.mutation_positions(node))
+        for occurrence in range(count):
+            code = mutate_code(source, operator, occurrence)
+            if code is None or code == source:
+                continue
+            lines = difflib.unified_diff(
+                source.splitlines(), code.splitlines(), module, module, n=0, lineterm=""
+            )
+            yield Mutant(module, name.rpartition("/")[2], "\n".join(list(lines)[2:]), code)
+
+
+def copy_checkout(folder: Path) -> Path:
+    """A copy of the files that git knows, without compiled files."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True).stdout
+    for name in filter(None, listed.decode().split("\0")):
+        if (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+    return folder
+
+
+def run_tests(folder: Path, tests: list[str], timeout: float) -> str:
+    """Runs the tests in a copy: "survived", "killed" or "timeout"."""
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "--no-header", *tests]
+    try:
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=timeout)
+    except subprocess.TimeoutExpired:
+        return "timeout"
+    return "survived" if done.returncode == 0 else "killed"
+
+
+def main() -> int:
+    """Runs the mutants and reports the survivors."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("paths", nargs="+", help="modules or folders to mutate")
+    parser.add_argument("--tests", nargs="+", required=True, help="tests that must notice")
+    parser.add_argument("--sample", type=int, default=100, help="number of mutants, drawn at random; 0: all")
+    parser.add_argument("--seed", type=int, default=0, help="for the sample")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="mutants at a time")
+    parser.add_argument("--minutes", type=float, default=30.0, help="no mutant is started later than this")
+    parser.add_argument("--results", type=Path, default=Path("mutation.jsonl"), help="file of JSON lines")
+    options = parser.parse_args()
+
+    modules = [
+        str(file.resolve().relative_to(ROOT))
+        for path in map(Path, options.paths)
+        for file in (sorted(path.rglob("*.py")) if path.is_dir() else [path])
+    ]
+    mutants = [mutant for module in modules for mutant in mutants_of(module)]
+    total = len(mutants)
+    if 0 < options.sample < total:
+        mutants = random.Random(options.seed).sample(mutants, options.sample)
+    known = {}
+    if options.results.is_file():
+        lines = options.results.read_text(encoding="utf-8").splitlines()
+        known = {item["key"]: item for item in map(json.loads, lines)}
+    end = time.monotonic() + 60.0 * options.minutes
+
+    with tempfile.TemporaryDirectory() as temporary:
+        copies: queue.Queue[Path] = queue.Queue()
+        for job in range(options.jobs):
+            copies.put(copy_checkout(Path(temporary) / str(job)))
+        start = time.monotonic()
+        folder = copies.get()
+        if run_tests(folder, options.tests, 3600.0) != "survived":
+            sys.exit("the tests fail without a mutation")
+        copies.put(folder)
+        timeout = 4.0 * (time.monotonic() - start) + 20.0
+
+        def judge(mutant: Mutant) -> dict[str, str] | None:
+            if mutant.key in known or time.monotonic() > end:
+                return known.get(mutant.key)
+            copy = copies.get()
+            (copy / mutant.module).write_text(mutant.code, encoding="utf-8")
+            outcome = run_tests(copy, options.tests, timeout)
+            shutil.copy2(ROOT / mutant.module, copy / mutant.module)
+            copies.put(copy)
+            return {"key": mutant.key, "outcome": outcome, **mutant._replace(code="")._asdict()}
+
+        results = []
+        with (
+            concurrent.futures.ThreadPoolExecutor(options.jobs) as pool,
+            options.results.open("a", encoding="utf-8") as file,
+        ):
+            for result in pool.map(judge, mutants):
+                if result is not None:
+                    results.append(result)
+                    if result["key"] not in known:
+                        print(json.dumps(result), file=file, flush=True)
+    survivors = [result for result in results if result["outcome"] == "survived"]
+    for result in sorted(survivors, key=lambda item: item["module"]):
+        print(f"{result['module']} ({result['operator']})\n{result['difference']}\n")
+    killed = len(results) - len(survivors)
+    if results:
+        print(f"{killed} of {len(results)} mutants killed ({killed / len(results):.1%}), of {total} in all")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
