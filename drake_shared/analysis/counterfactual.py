@@ -18,6 +18,7 @@ from pydrake.systems.framework import LeafSystem
 from drake_shared.analysis.metrics import metrics
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
+from drake_shared.robots.description import require_diff_drive
 from drake_shared.scenario import Start, scenario_from_dict
 from drake_shared.simulation.config import SharedControlConfig, config_of_log
 from drake_shared.simulation.faults import Faults
@@ -80,10 +81,11 @@ def play_open_loop(
         learner: The one that took part, or another.
 
     Raises:
-        InputError: The log holds no valid scenario or config, there is no such arbiter, or the commands are
+        InputError: The robot is not a differential drive, the log holds no valid scenario or config, there is no such arbiter, or the commands are
             not finite.
     """
     metadata = recorded.metadata
+    require_diff_drive(metadata, "to be replayed")
     scenario = scenario_from_dict(metadata["scenario"], source="the log's scenario")
     x, y, yaw = (float(recorded[name][0]) for name in ("x", "y", "yaw"))
     simulation = Simulation(

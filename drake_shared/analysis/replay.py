@@ -1,4 +1,4 @@
-"""A trial as a stand-alone Meshcat page: the robot, the way driven, and the changing prediction."""
+"""A trial as a self-contained Meshcat page: the robot, its path, and the prediction over time."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.geometry import (
     Meshcat,
     MeshcatParams,
@@ -23,6 +24,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_shared.common.files import replacing
 from drake_shared.learners import Learner
 from drake_shared.learners.no_learner import NoLearner
+from drake_shared.robots.description import require_diff_drive
 from drake_shared.robots.illustration import register_robot
 from drake_shared.scenario import scenario_from_dict
 from drake_shared.scenario.obstacles import register_obstacles
@@ -33,7 +35,7 @@ from drake_shared.systems.intention_visualizer import IntentionVisualizer
 from drake_shared.systems.log_playback import LogPlayback
 from drake_shared.systems.moving_obstacles import AddMovingObstacles
 
-# In the picture's corner, over whatever the page draws.
+# In the corner of the page, above the scene.
 _NOTE = (
     "position:fixed;top:12px;left:12px;z-index:1000;padding:6px 10px;border-radius:4px;"
     "background:#b3261e;color:#fff;font:600 15px sans-serif;pointer-events:none"
@@ -45,23 +47,24 @@ def write_replay(
     path: str | os.PathLike[str],
     *,
     learner: Learner | None = None,
-    recorded: np.ndarray | None = None,
+    recorded: NDArray[np.float64] | None = None,
     note: str = "",
 ) -> None:
-    """Writes ``trial`` as an HTML page that needs nothing else.
+    """Writes ``trial`` as a self-contained HTML page.
+
+    The element ``trial`` of the page holds the trial's metadata, without its scenario, as JSON.
 
     Args:
-        trial: What to show.
+        trial: A trial of a differential drive.
         path: The page to write.
         learner: The one that took part; without it the prediction is not shown.
-        recorded: Shape (n, 2), a way to compare with, in [m]; drawn pale.
-        note: What must be read with the picture, such as that it is open loop.
-
-    What the trial's metadata say but for its scenario is in the page as JSON, in the element ``trial``.
+        recorded: A path to compare with, drawn pale: shape (n, D), in [m].
+        note: A note shown on the page, such as that the trial is open loop.
 
     Raises:
-        InputError: The page cannot be written, or the log's scenario is not one.
+        InputError: The page cannot be written, the log's scenario is invalid, or the robot is another one.
     """
+    robot = require_diff_drive(trial.metadata, "to be drawn")
     scenario = scenario_from_dict(trial.metadata["scenario"], source="the log's scenario")
     meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
     draw_scene(meshcat, scenario)
@@ -75,7 +78,7 @@ def write_replay(
     register_obstacles(scene_graph, scenario.static_obstacles)
     AddMovingObstacles(builder, scene_graph, scenario.obstacles)
     source, frame = register_robot(scene_graph, scenario.robot.model_path())
-    rows = {"pose": np.column_stack([trial["x"], trial["y"], trial["yaw"]])}
+    rows = {"pose": np.column_stack([trial[name] for name in robot.configuration_names])}
     rows |= {"human_weight": trial["human_weight"]}
     rows |= {f"{who}_command": trial.commands(who) for who in ("human", "autonomous", "shared")}
     playback = builder.AddSystem(LogPlayback(times=trial["t"], rows=rows, frame=frame))
@@ -94,8 +97,8 @@ def write_replay(
     builder.Connect(estimator.GetOutputPort("intention"), visualizer.GetInputPort("intention"))
     for name in rows:
         builder.Connect(playback.GetOutputPort(name), visualizer.GetInputPort(name))
-    looks = MeshcatVisualizerParams(role=Role.kIllustration, prefix="scene", publish_period=period)
-    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, looks)
+    illustration = MeshcatVisualizerParams(role=Role.kIllustration, prefix="scene", publish_period=period)
+    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, illustration)
     simulator = Simulator(builder.Build())
     meshcat.StartRecording(frames_per_second=1 / period, set_visualizations_while_recording=False)
     simulator.AdvanceTo(float(trial["t"][-1]))
@@ -106,10 +109,10 @@ def write_replay(
 
 
 def _annotated(page: str, metadata: Mapping[str, Any], note: str) -> str:
-    told = json.dumps({name: value for name, value in metadata.items() if name != "scenario"})
-    # Nothing in a script ends it but this.
-    told = told.replace("</", "<\\/")
-    extra = f'<script type="application/json" id="trial">{told}</script>\n'
+    text = json.dumps({name: value for name, value in metadata.items() if name != "scenario"})
+    # Only this sequence ends a script element.
+    text = text.replace("</", "<\\/")
+    extra = f'<script type="application/json" id="trial">{text}</script>\n'
     if note:
         extra += f'<div id="note" style="{_NOTE}">{html.escape(note)}</div>\n'
     body, end, rest = page.rpartition("</body>")

@@ -1,4 +1,4 @@
-"""What samples say: intervals by bootstrap, paired differences, many questions at once, and verdicts."""
+"""Statistics of samples: bootstrap intervals, paired differences, multiple comparisons and verdicts."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 RESAMPLES = 10_000
 FEWEST = 6
-"""Of fewer independent values no signed-rank test can reach 5%, and a bootstrap's interval is too narrow."""
+"""With fewer independent values no signed-rank test can reach 5%, and a bootstrap interval is too narrow."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class Estimate:
 
     Attributes:
         mean: Of the sample.
-        low, high: Of its interval by bootstrap; equal to the mean for a sample of one.
+        low, high: Bootstrap interval of the mean; equal to the mean for a sample of one.
         count: Size of the sample.
     """
 
@@ -37,10 +37,10 @@ class Difference:
     """A mean paired difference, one minus other.
 
     Attributes:
-        estimate: Of the mean difference, at the level asked for.
-        effect: Mean over standard deviation of the differences (Cohen's d_z); 0 where all are 0, infinite
-            where all are one other number, NaN where there are fewer than two.
-        p: Of the Wilcoxon signed-rank test; 1 where all differences are 0.
+        estimate: Of the mean difference, at the given level.
+        effect: Mean over standard deviation of the differences (Cohen's d_z); 0 if all are 0, infinite if all
+            are another constant, NaN if there are fewer than two.
+        p: Of the Wilcoxon signed-rank test; 1 if all differences are 0.
     """
 
     estimate: Estimate
@@ -50,17 +50,17 @@ class Difference:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Claim:
-    """A statement about a number, and whether it held.
+    """A statement about a quantity, and its verdict.
 
     Attributes:
-        text: What is claimed, in words.
-        estimate: Of the number; positive speaks for the claim. Its interval is adjusted for the number of
-            questions asked.
+        text: The claim in words.
+        estimate: Of the quantity; positive values support the claim. Its interval is adjusted for the number
+            of comparisons.
         smallest: The smallest effect of interest, in the same unit.
-        unit: Of the number.
+        unit: Of the quantity.
         verdict: "holds", "equivalent", "reversed" or "open"; see `verdict`.
-        p: Adjusted, where a test was made.
-        effect: Cohen's d_z, where the comparison is paired.
+        p: Adjusted p-value, if there was a test.
+        effect: Cohen's d_z, if the comparison is paired.
     """
 
     text: str
@@ -73,9 +73,9 @@ class Claim:
 
 
 def interval(values: ArrayLike, *, level: float = 0.95, seed: int = 0) -> Estimate:
-    """Mean of ``values`` (n,) and its interval, by the percentile bootstrap over them; NaN do not count.
+    """Mean of ``values`` (n,) and its percentile bootstrap interval; NaN and infinite values are left out.
 
-    The values must be independent: means over the trials of a learner, say, not the trials themselves.
+    The values must be independent: for example means over the trials of a learner, not the trials themselves.
     """
     sample = np.asarray(values, dtype=float)
     sample = sample[np.isfinite(sample)]
@@ -95,18 +95,18 @@ def interval(values: ArrayLike, *, level: float = 0.95, seed: int = 0) -> Estima
 
 
 def paired(one: ArrayLike, other: ArrayLike, *, level: float = 0.95, seed: int = 0) -> Difference:
-    """How much larger ``one`` (n,) is than ``other`` (n,), pair by pair; pairs with NaN do not count.
+    """The paired difference of ``one`` (n,) and ``other`` (n,); pairs with NaN are left out.
 
     Raises:
-        ValueError: They are not of one length.
+        ValueError: Their lengths differ.
     """
     first, second = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
     if first.shape != second.shape:
-        raise ValueError(f"pairs need as many of one as of the other, got {first.shape} and {second.shape}")
+        raise ValueError(f"paired samples must have one shape, got {first.shape} and {second.shape}")
     kept = np.isfinite(first - second)
     first, second = first[kept], second[kept]
     differences = first - second
-    # What is left of a difference by rounding alone is no spread.
+    # Differences that vary by rounding only count as constant.
     rounding = (
         8.0 * np.finfo(float).eps * max(np.abs(first).max(initial=0.0), np.abs(second).max(initial=0.0))
     )
@@ -116,7 +116,7 @@ def paired(one: ArrayLike, other: ArrayLike, *, level: float = 0.95, seed: int =
     return Difference(estimate=estimate, effect=_effect(differences), p=_signed_rank(differences))
 
 
-def _effect(differences: np.ndarray) -> float:
+def _effect(differences: NDArray[np.float64]) -> float:
     if differences.size < 2:
         return math.nan
     mean = float(differences.mean())
@@ -125,12 +125,12 @@ def _effect(differences: np.ndarray) -> float:
     return mean / float(differences.std(ddof=1))
 
 
-def _signed_rank(differences: np.ndarray) -> float:
+def _signed_rank(differences: NDArray[np.float64]) -> float:
     return float(stats.wilcoxon(differences).pvalue) if differences.any() else 1.0
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Holm's adjusted p-values: the chance of one false rejection among all is at most that level."""
+    """Holm's adjusted p-values, which control the familywise error rate."""
     order = np.argsort(p, kind="stable")
     adjusted = np.empty(len(p))
     worst = 0.0
@@ -141,10 +141,10 @@ def holm(p: Sequence[float]) -> list[float]:
 
 
 def holm_levels(p: Sequence[float], *, level: float = 0.95) -> list[float]:
-    """The level of each question's interval that goes with `holm`: 1 - alpha / (m - rank).
+    """Levels of the intervals that correspond to `holm`: 1 - alpha / (m - rank).
 
-    Holm's method ends at the first question that it cannot decide. That one's level is the level of all that
-    come after it; with less, their intervals could leave 0 out where their adjusted p is above alpha.
+    Holm's method stops at the first hypothesis that it does not reject. All later ones get that level, since
+    otherwise their intervals could exclude 0 although their adjusted p is above alpha.
     """
     levels = np.empty(len(p))
     share, ended = 1.0 - level, False
@@ -157,11 +157,11 @@ def holm_levels(p: Sequence[float], *, level: float = 0.95) -> list[float]:
 
 
 def verdict(estimate: Estimate, smallest: float) -> str:
-    """What an interval says of a claim that its number is above 0.
+    """The verdict of an interval on the claim that its quantity is positive.
 
     Returns:
-        "holds" if all of it lies above ``smallest``, "reversed" if all lies below its negative, "equivalent"
-        if all lies between the two, else, and with fewer than six values, "open".
+        "holds" if the interval lies above ``smallest``, "reversed" if it lies below ``-smallest``,
+        "equivalent" if it lies between the two; otherwise, or with fewer than six values, "open".
     """
     if not (math.isfinite(estimate.low) and math.isfinite(estimate.high)) or estimate.count < FEWEST:
         return "open"
@@ -173,7 +173,7 @@ def verdict(estimate: Estimate, smallest: float) -> str:
 
 
 def claim(text: str, values: ArrayLike, *, smallest: float, unit: str, level: float = 0.95) -> Claim:
-    """The claim that the mean of ``values`` (n,) is above 0, by its interval alone."""
+    """The claim that the mean of ``values`` (n,) is positive, by its interval."""
     estimate = interval(values, level=level)
     return Claim(
         text=text, estimate=estimate, smallest=smallest, unit=unit, verdict=verdict(estimate, smallest)
@@ -181,9 +181,9 @@ def claim(text: str, values: ArrayLike, *, smallest: float, unit: str, level: fl
 
 
 def not_worse(text: str, values: ArrayLike, *, margin: float, unit: str, level: float = 0.95) -> Claim:
-    """The claim that the mean of ``values`` (n,) is above ``-margin``: not worse by as much as matters.
+    """The claim that the mean of ``values`` (n,) is above ``-margin`` (non-inferiority).
 
-    It "holds" where the whole interval is above that bound and is "reversed" where all of it is below.
+    It "holds" if the interval lies above that bound and is "reversed" if it lies below.
     """
     estimate = interval(values, level=level)
     if verdict(estimate, margin) == "reversed":
@@ -194,10 +194,10 @@ def not_worse(text: str, values: ArrayLike, *, margin: float, unit: str, level: 
 
 
 def at_least(text: str, values: ArrayLike, *, least: float, unit: str, level: float = 0.95) -> Claim:
-    """The claim that the mean of ``values`` (n,) is ``least`` or more, and its interval above 0.
+    """The claim that the mean of ``values`` (n,) is at least ``least``, with an interval above 0.
 
-    Weaker than `claim`, which asks for the whole interval to be above the smallest effect; where it does not
-    hold the verdict is that of `verdict`.
+    Weaker than `claim`, which requires the whole interval above the smallest effect; if it does not hold, the
+    verdict is that of `verdict`.
     """
     estimate = interval(values, level=level)
     held = estimate.count >= FEWEST and estimate.mean >= least and estimate.low > 0.0
@@ -211,23 +211,22 @@ def at_least(text: str, values: ArrayLike, *, least: float, unit: str, level: fl
 
 
 def never(text: str, shares: ArrayLike) -> Claim:
-    """The claim that something happens in no trial: one is enough to refute it.
+    """The claim that an event occurs in no trial; a single occurrence refutes it.
 
-    That it was not seen says much only where many had the chance, so that with fewer than six learners it is
-    open, and the claim tells what the rule of three leaves possible: 3 / n, of learners, as the trials with
-    one are alike.
+    With fewer than six learners the verdict is "open". The text gives the upper bound by the rule of three,
+    3 / n, with n the number of learners, since the trials of one learner are not independent.
 
     Args:
-        text: What does not happen.
-        shares: Of the trials with each learner those in which it did, shape (learners,).
+        text: The event that does not occur.
+        shares: Share of each learner's trials with the event: shape (learners,).
     """
-    seen = np.asarray(shares, dtype=float)
-    if seen.any():
+    observed = np.asarray(shares, dtype=float)
+    if observed.any():
         found = "reversed"
     else:
-        found = "holds" if seen.size >= FEWEST else "open"
-        text += f" (by the rule of three it may with {min(1.0, 3.0 / max(seen.size, 1)):.0%} of learners)"
-    return Claim(text=text, estimate=interval(-100.0 * seen), smallest=0.0, unit="%", verdict=found)
+        found = "holds" if observed.size >= FEWEST else "open"
+        text += f" (by the rule of three it may with {min(1.0, 3.0 / max(observed.size, 1)):.0%} of learners)"
+    return Claim(text=text, estimate=interval(-100.0 * observed), smallest=0.0, unit="%", verdict=found)
 
 
 def paired_claims(questions: Sequence[dict[str, Any]], *, level: float = 0.95) -> list[Claim]:

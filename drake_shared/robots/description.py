@@ -85,3 +85,19 @@ def described_robot(
     except (KeyError, TypeError, ValueError) as error:
         fields = ", ".join(field.name for field in dataclasses.fields(RobotDescription))
         raise InputError(source, "robot", f"must be an object with {fields}: {error!r}") from error
+
+
+def require_diff_drive(metadata: Mapping[str, Any], purpose: str) -> RobotDescription:
+    """The robot of a log that must be a differential drive.
+
+    Args:
+        metadata: Of the log.
+        purpose: For the message of an error, such as "to be drawn".
+
+    Raises:
+        InputError: The robot is another one, or its description is invalid.
+    """
+    robot = described_robot(metadata)
+    if robot.type != DiffDrive.__name__:
+        raise InputError("the log", "robot.type", f"must be {DiffDrive.__name__} {purpose}", robot.type)
+    return robot

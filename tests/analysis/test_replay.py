@@ -1,4 +1,4 @@
-"""A trial as a page of its own."""
+"""A trial as a self-contained page."""
 
 import pytest
 
@@ -14,22 +14,22 @@ def page(human_trial, _two_obstacles, route_learner, tmp_path_factory) -> str:
     return path.read_text(encoding="utf-8")
 
 
-def test_the_page_needs_nothing_else(page):
+def test_the_page_is_self_contained(page):
     assert page.lstrip().lower().startswith("<!doctype html>")
     assert 'src="http' not in page
     assert 'src="meshcat.js' not in page
 
 
 def scene(page: str) -> bytes:
-    """What the page is told to show: base64 messages, one after another."""
+    """The base64 messages of the page, concatenated."""
     import base64
     import re
 
     return b"".join(base64.b64decode(text) for text in re.findall(r"base64,([A-Za-z0-9+/=]+)", page))
 
 
-def test_the_page_shows_robot_obstacles_goal_way_and_prediction(page):
-    told = scene(page)
+def test_the_page_shows_robot_obstacles_goal_path_and_prediction(page):
+    messages = scene(page)
     for path in (
         b"scene/robot/base_pioneer_p3dx_body",
         b"first_drawn",
@@ -41,7 +41,7 @@ def test_the_page_shows_robot_obstacles_goal_way_and_prediction(page):
         b"intention/path/29/spread",
         b"intention/halo/human",
     ):
-        assert path in told, path
+        assert path in messages, path
 
 
 def test_the_page_is_animated_over_the_whole_trial(page):
