@@ -81,8 +81,8 @@ def play_open_loop(
         learner: The one that took part, or another.
 
     Raises:
-        InputError: The robot is not a differential drive, the log holds no valid scenario or config, there is no such arbiter, or the commands are
-            not finite.
+        InputError: The robot is not a differential drive, the log holds no valid scenario or config, there is
+            no such arbiter, or the commands are not finite.
     """
     metadata = recorded.metadata
     require_diff_drive(metadata, "to be replayed")

@@ -50,40 +50,47 @@ def test_the_page_is_animated_over_the_whole_trial(page):
 
 @pytest.mark.parametrize("clock", ["time", "progress"])
 def test_the_prediction_is_the_one_that_the_trial_had(scenario, route_learner, tmp_path, clock):
-    """The learner is shown the same at every step: where the robot was, and where its driver pointed."""
+    """The observations at every step are the same: the position and that to which the command leads."""
     learner = route_learner(scenario, variance=0.05, clock=clock)
     learner.metadata |= {"evidence": "pose+command"}
     simulation = Simulation(scenario, learner=learner)
     learner.calls.clear()
     trial = simulation.run(TrialSettings(route="right_left"))
-    asked = [[part.tolist() for part in call] for call in learner.calls]
+    recorded = [[part.tolist() for part in call] for call in learner.calls]
     learner.calls.clear()
     write_replay(trial, tmp_path / "trial.html", learner=learner)
-    shown = [[part.tolist() for part in call] for call in learner.calls]
+    replayed = [[part.tolist() for part in call] for call in learner.calls]
     # The page is drawn every other step, perhaps not at the last row, which takes two predictions.
-    assert len(asked) - len(shown) in (0, 2)
-    assert shown == asked[: len(shown)]
-    assert max(len(times) for times, _, _ in asked) == 2
+    assert len(recorded) - len(replayed) in (0, 2)
+    assert replayed == recorded[: len(replayed)]
+    assert max(len(times) for times, _, _ in recorded) == 2
 
 
-def test_a_trial_broken_off_at_once_is_shown_too(scenario, tmp_path):
+def test_a_trial_without_steps_is_drawn(scenario, tmp_path):
     write_replay(Simulation(scenario).begin(TrialSettings()).finish(), tmp_path / "trial.html")
     assert (tmp_path / "trial.html").stat().st_size > 1e5
 
 
-def test_without_a_learner_the_page_is_made_without_a_prediction(human_trial, tmp_path):
+def test_without_a_learner_the_page_has_no_prediction(human_trial, tmp_path):
     write_replay(human_trial, tmp_path / "trial.html")
     assert (tmp_path / "trial.html").stat().st_size > 1e5
 
 
-def test_a_log_whose_scenario_is_none_is_refused_and_leaves_nothing(human_trial, tmp_path):
+def test_an_invalid_scenario_is_refused_and_leaves_no_file(human_trial, tmp_path):
     broken = Trial(columns=human_trial.columns, metadata=human_trial.metadata | {"scenario": {"name": "x"}})
     with pytest.raises(InputError, match="the log's scenario"):
         write_replay(broken, tmp_path / "trial.html")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_cannot_be_written_to_is_said_so(human_trial, tmp_path):
+def test_a_folder_that_cannot_be_written_is_refused(human_trial, tmp_path):
     (tmp_path / "taken").write_text("")
-    with pytest.raises(InputError, match="taken must be a folder"):
+    with pytest.raises(InputError, match="taken"):
         write_replay(human_trial, tmp_path / "taken" / "trial.html")
+
+
+def test_another_robot_is_refused(human_trial, tmp_path):
+    robot = {**human_trial.metadata["robot"], "type": "Quadrotor"}
+    other = Trial(columns=human_trial.columns, metadata={**human_trial.metadata, "robot": robot})
+    with pytest.raises(InputError, match="Quadrotor"):
+        write_replay(other, tmp_path / "trial.html")

@@ -102,7 +102,7 @@ def test_shares_with_many_equal_pairs_can_be_tested():
 
 
 def test_pairs_need_partners():
-    with pytest.raises(ValueError, match=r"as many of one as of the other, got \(2,\) and \(1,\)"):
+    with pytest.raises(ValueError, match="paired"):
         paired([1.0, 2.0], [1.0])
 
 

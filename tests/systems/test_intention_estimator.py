@@ -225,14 +225,15 @@ class Pointing:
     name, preset, confidence_gain, demonstrations = "pointing", "test", 10.0, None
     grid, duration = GRID, 10.0
 
-    def __init__(self, evidence: str | None = "pose+command"):
+    def __init__(self, evidence: str | None = "pose+command", variances: tuple[float, float] = (0.05, 0.05)):
         self.metadata = {"clock": "time", "evidence": evidence}
+        self.variances = variances
         self.shown: list[np.ndarray] = []
 
     def predict(self, times, positions, query_times):
         self.shown.append(positions.copy())
         ahead = np.column_stack([query_times, np.full_like(query_times, positions[-1, 1])])
-        return ahead, np.full_like(ahead, 0.05)
+        return ahead, np.full_like(ahead, self.variances[min(len(times), 2) - 1])
 
 
 def test_a_command_is_evidence_for_learners_that_use_it():
@@ -274,12 +275,35 @@ def test_predictions_of_several_prefixes_at_once_give_the_same_estimate(command)
     np.testing.assert_array_equal(at_once.intention.mean, one_by_one.intention.mean)
 
 
-def test_a_command_elsewhere_raises_the_variance_to_the_squared_distance_of_both_means():
-    bench = Bench(Pointing()).commanded(3.0, 5.0)
+@pytest.mark.parametrize(
+    ("alone", "pointed", "expected"),
+    [
+        pytest.param(0.05, 0.02, 0.05, id="without the command"),
+        pytest.param(0.02, 0.05, 0.05, id="with the command"),
+        pytest.param(1e-4, 1e-4, None, id="squared distance of both means"),
+    ],
+)
+def test_variance_is_the_largest_of_without_and_with_the_command_and_the_squared_distance_of_both_means(
+    alone, pointed, expected
+):
+    bench = Bench(Pointing(variances=(alone, pointed))).commanded(3.0, 5.0)
     shift = bench.intention.mean[-1, 1]
-    np.testing.assert_allclose(bench.intention.variance[1:, 0], 0.05)
-    np.testing.assert_allclose(bench.intention.variance[1:, 1], max(0.05, shift**2))
+    assert 0.005 < shift**2 < 0.02
+    np.testing.assert_allclose(bench.intention.variance[1:, 0], max(alone, pointed))
+    np.testing.assert_allclose(bench.intention.variance[1:, 1], expected or shift**2)
     assert bench.influence[1] == pytest.approx(shift)
+
+
+def test_control_returns_to_a_human_who_points_elsewhere_although_every_prediction_is_certain():
+    """Both predictions have a negligible variance; only the distance between their means is large."""
+    bench = Bench(Pointing(variances=(1e-6, 1e-6)), reach=1.6)
+    assert bench.commanded(5.0, 5.0).confidence == 1.0
+    for radius in (0.5, 1.0):
+        # In 1.6 s an arc to the left at 1 rad/s leads radius (1 - cos 1.6) aside, in y alone.
+        aside = radius * (1.0 - math.cos(1.6))
+        confidence = bench.commanded(*DiffDrive().wheel_speeds(radius, 1.0)).confidence
+        assert confidence == pytest.approx(1.0 / (10.0 * aside**2 / 2.0), rel=1e-4)
+        assert confidence < 0.8
 
 
 @pytest.mark.parametrize("command", [(0.0, 0.0), (-2.0, 2.0), (0.1, 0.1), (math.nan, 1.0), (math.inf, 1.0)])
