@@ -104,7 +104,7 @@ def test_files_follow_one_another_and_logs_are_demonstrations(tmp_path):
         ({"version": 2}, "version must be at most 1.*got 2"),
     ],
 )
-def test_a_log_counts_if_it_reached_the_goal_without_contact(tmp_path, options, message):
+def test_logs_qualify_if_the_goal_was_reached_without_contact(tmp_path, options, message):
     with pytest.raises(InputError, match=message):
         read_demonstrations(write_log(tmp_path / "log.parquet", **options))
 
@@ -228,7 +228,7 @@ def test_the_default_width_is_twice_the_standard_deviation_and_at_least_five_cen
     np.testing.assert_allclose(sampling_weights([0.10, 0.11]), sampling_weights([0.10, 0.11], width=0.05))
 
 
-def test_equal_scores_give_equal_weights_however_low():
+def test_equal_scores_give_equal_weights():
     np.testing.assert_allclose(sampling_weights([-1e6] * 4), 0.25)
     np.testing.assert_allclose(sampling_weights([7.0]), 1.0)
 

@@ -13,7 +13,7 @@ ITERATIONS = 250
 
 
 def bows(heights, *, scale: float = 1.0, scores=None, duration: float = 4.0) -> Demonstrations:
-    """Ways from (0, 0) to (4, 0) that bow to one side or the other, one for each height, in [m]."""
+    """Paths from (0, 0) to (4, 0) that bow to one side or the other, one for each height, in [m]."""
     times = np.linspace(0.0, duration, 41)
     share = times / duration
     items = []
@@ -26,7 +26,7 @@ def bows(heights, *, scale: float = 1.0, scores=None, duration: float = 4.0) -> 
 
 @pytest.fixture(autouse=True)
 def _one_thread() -> Iterator[None]:
-    """As in training: for networks this small a second thread makes everything slower."""
+    """As in training: for networks this small a second thread is slower."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     yield
@@ -40,17 +40,17 @@ def make_bows():
 
 @pytest.fixture(scope="session")
 def two_ways() -> Demonstrations:
-    """One way to each side."""
+    """One route to each side."""
     return bows([1.0, -1.0])
 
 
 @pytest.fixture(scope="session")
 def learner(two_ways):
-    """The default learner of two ways."""
+    """The default learner of two routes."""
     return train(two_ways, iterations=ITERATIONS)
 
 
 @pytest.fixture(scope="session")
 def paper_learner(two_ways):
-    """The paper's learner of two ways, hardly trained."""
+    """The paper's learner of two routes, trained briefly."""
     return train(two_ways, preset="paper", iterations=50)

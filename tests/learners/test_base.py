@@ -19,14 +19,14 @@ def test_mean_variance_is_over_the_steps_after_t_and_over_x_and_y():
     assert mean_variance(TIMES, VARIANCE, -1.0) == pytest.approx(VARIANCE.mean())
 
 
-def test_a_step_at_t_is_not_after_it_however_t_was_rounded():
+def test_a_query_at_t_is_not_after_it_whatever_the_rounding():
     t = 0.1 + 0.2 + 0.7 - 1e-16
     assert mean_variance(TIMES, VARIANCE, t) == mean_variance(TIMES, VARIANCE, 1.0)
     assert mean_variance(TIMES, VARIANCE, 1.0 - 1e-12) == mean_variance(TIMES, VARIANCE, 1.0)
 
 
 @pytest.mark.parametrize("t", [3.0, 3.1, 100.0])
-def test_at_the_end_the_last_step_alone_counts(t):
+def test_at_the_end_the_last_query_alone_counts(t):
     assert mean_variance(TIMES, VARIANCE, t) == 5.5
 
 
@@ -38,7 +38,7 @@ def test_confidence_is_the_inverse_of_k_times_the_mean_variance_within_0_and_1()
     assert confidence(math.inf, 40.0) == 0.0
 
 
-def test_no_variance_known_is_no_confidence_known():
+def test_nan_variance_gives_nan_confidence():
     assert math.isnan(confidence(math.nan, 40.0))
 
 
@@ -54,7 +54,7 @@ def test_trained_learners_offer_the_interface(learner, paper_learner):
         assert not shared.flags.writeable
 
 
-def test_to_use_a_learner_needs_no_torch():
+def test_prediction_does_not_import_torch():
     code = "import sys, drake_shared.learners as l; l.find_learner('cnmp'); print('torch' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "False"

@@ -1,4 +1,4 @@
-"""K: what makes c_f 0.05 at the 95th percentile of the mean variance along the demonstrations."""
+"""K makes c_f 0.05 at the 95th percentile of the mean variance along the demonstrations."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from drake_shared.learners import calibrate, confidence, mean_variance
 
 
 class Ramp:
-    """Says a variance that falls with the time of what is shown, from 1 m^2 to 0.01 m^2."""
+    """Predicts a variance that falls with the time of the observation, from 1 m^2 to 0.01 m^2."""
 
     grid = np.linspace(0.0, 4.0, 41)
 
@@ -16,17 +16,17 @@ class Ramp:
         return np.zeros((len(query_times), 2)), np.full((len(query_times), 2), variance)
 
 
-def test_confidence_is_a_twentieth_at_the_95th_percentile(make_bows):
+def test_confidence_is_one_twentieth_at_the_95th_percentile(make_bows):
     gain = calibrate(Ramp(), make_bows([1.0, -1.0]))
     percentile = np.percentile(1.0 - 0.99 * np.arange(41) / 40, 95)
     assert confidence(percentile, gain) == pytest.approx(0.05)
 
 
-def test_what_the_resolution_cannot_tell_leaves_no_doubt(make_bows):
+def test_the_resolution_bounds_the_gain(make_bows):
     assert calibrate(Ramp(), make_bows([1.0]), resolution=0.5) == pytest.approx(1 / 0.5**2)
 
 
-def test_a_trained_learner_is_unsure_where_the_ways_part_and_sure_where_they_have(learner, two_ways):
+def test_a_trained_learner_is_confident_after_routes_part_and_not_before(learner, two_ways):
     assert learner.confidence_gain == pytest.approx(calibrate(learner, two_ways))
     shares = []
     for time, position in ((0.0, [0.0, 0.0]), (1.5, [1.5, np.sin(1.5 * np.pi / 4)])):

@@ -16,13 +16,13 @@ from drake_shared.learners.cesn.reservoir import STEPS, echo_states
 
 @pytest.fixture(scope="module")
 def ways(two_ways):
-    """Taught one way to each side."""
+    """Trained on one route to each side."""
     return train(two_ways, learner="cesn")
 
 
 @pytest.fixture(scope="module")
 def fan(make_bows):
-    """Taught twelve ways that bow to one side or the other, and 24 others like them that it was not."""
+    """Trained on twelve paths that bow to one side or the other, and 24 others of that kind."""
     rng = np.random.default_rng(5)
     heights = [side * (0.8 + 0.15 * rng.standard_normal()) for side in (-1.0, 1.0) for _ in range(18)]
     known = heights[:6] + heights[18:24]
@@ -37,7 +37,7 @@ def transformed(demonstrations: Demonstrations, matrix) -> Demonstrations:
     return Demonstrations(items=items)
 
 
-def test_it_is_a_learner_that_says_how_it_was_trained_and_is_to_be_used(ways, two_ways):
+def test_it_is_a_learner_with_metadata(ways, two_ways):
     assert isinstance(ways, Learner)
     assert (ways.name, ways.preset) == ("cesn", "default")
     assert (ways.metadata["clock"], ways.metadata["evidence"]) == ("progress", "pose+command")
@@ -47,7 +47,7 @@ def test_it_is_a_learner_that_says_how_it_was_trained_and_is_to_be_used(ways, tw
     assert (paper.preset, paper.metadata["clock"], paper.metadata["evidence"]) == ("paper", "time", "pose")
 
 
-def test_echo_states_are_orthonormal_and_follow_smooth_ways():
+def test_echo_states_are_orthonormal_and_represent_smooth_paths():
     states = echo_states(3)
     np.testing.assert_allclose(states.T @ states, np.eye(states.shape[1]), atol=1e-9)
     phase = np.linspace(0.0, 1.0, STEPS + 1)
@@ -62,12 +62,12 @@ def test_a_code_is_the_posterior_of_the_modes():
     np.testing.assert_allclose(encode(modes, positions, 1.0), 2.0 * np.array([12.0 / 9.0, 8.0 / 9.0]))
 
 
-def test_positions_beyond_the_reach_are_drawn_in_to_it():
+def test_positions_beyond_the_reach_are_moved_in_to_it():
     drawn = within(np.array([[3.0, 4.0], [0.3, 0.4], [0.0, 0.0]]), 1.0)
     np.testing.assert_allclose(drawn, [[0.6, 0.8], [0.3, 0.4], [0.0, 0.0]])
 
 
-def test_the_mean_passes_what_was_seen_and_goes_that_way(ways, two_ways):
+def test_the_mean_passes_the_observation_and_follows_its_route(ways, two_ways):
     for demonstration in ways.demonstrations:
         for step in (8, 20, 30):
             mean, _ = ways.predict([ways.grid[step]], demonstration[step : step + 1], ways.grid)
@@ -75,7 +75,7 @@ def test_the_mean_passes_what_was_seen_and_goes_that_way(ways, two_ways):
             np.testing.assert_allclose(mean, demonstration, atol=0.08)
 
 
-def test_a_way_between_those_taught_is_met_where_it_was_seen(fan):
+def test_paths_between_the_demonstrations_are_met_where_observed(fan):
     learner, others = fan
     for item in others:
         mean, variance = learner.predict([2.0], item.positions[20:21], learner.grid)
@@ -84,7 +84,7 @@ def test_a_way_between_those_taught_is_met_where_it_was_seen(fan):
         assert variance[20, 1] < 0.05 * before[20, 1]
 
 
-def test_intervals_hold_as_many_of_new_ways_as_they_say(fan):
+def test_intervals_cover_new_paths_at_their_level(fan):
     learner, others = fan
     rng = np.random.default_rng(1)
     noise = learner.noise * learner.scale
@@ -98,7 +98,7 @@ def test_intervals_hold_as_many_of_new_ways_as_they_say(fan):
     assert 0.85 < np.mean(np.array(sizes) < 1.645) < 0.98
 
 
-def test_both_ways_are_possible_until_one_is_seen(ways):
+def test_confidence_is_low_until_a_route_is_observed(ways):
     at_start, beside = (
         mean_variance(ways.grid, ways.predict([t], [p], ways.grid)[1], t)
         for t, p in ((0.0, (0.0, 0.0)), (2.0, (2.0, 1.0)))
@@ -107,7 +107,7 @@ def test_both_ways_are_possible_until_one_is_seen(ways):
     assert confidence(beside, ways.confidence_gain) > 0.9
 
 
-def test_far_from_every_demonstration_it_doubts_and_the_farther_the_more(make_bows):
+def test_variance_grows_with_the_distance_from_all_demonstrations(make_bows):
     learner = train(make_bows([0.6, -0.6]), learner="cesn")
     spreads = []
     for away in (0.0, 0.5, 5.0, 100.0):
@@ -118,7 +118,7 @@ def test_far_from_every_demonstration_it_doubts_and_the_farther_the_more(make_bo
     assert all(confidence(spread, learner.confidence_gain) < 0.05 for spread in spreads[1:])
 
 
-def test_with_nothing_observed_the_demonstrations_say_what_is_known(ways):
+def test_without_observations_it_predicts_the_moments_of_the_demonstrations(ways):
     mean, variance = ways.predict([], np.empty((0, 2)), ways.grid)
     np.testing.assert_allclose(mean, ways.demonstrations.mean(axis=0), atol=1e-12)
     floor = (ways.sigma_floor * ways.scale) ** 2
@@ -126,7 +126,7 @@ def test_with_nothing_observed_the_demonstrations_say_what_is_known(ways):
     np.testing.assert_allclose(ways.predict([], np.empty((0, 2)), [2.0])[0], mean[20:21])
 
 
-def test_what_is_asked_does_not_depend_on_how_it_is_asked(ways):
+def test_predictions_do_not_depend_on_how_queries_are_grouped(ways):
     shown = ([1.0], [[1.0, 0.7]])
     whole = ways.predict(*shown, ways.grid)
     for queries, rows in ((ways.grid[12:], slice(12, None)), (ways.grid[5:9], slice(5, 9))):
@@ -149,7 +149,7 @@ def test_order_of_observations_does_not_matter(ways):
 
 
 @pytest.mark.parametrize("bad", [([np.nan], [[1.0, 0.7]]), ([1.0, 2.0], [[1.0, 0.7], [np.nan, 0.7]])])
-def test_nan_shown_is_nan_said(ways, bad):
+def test_nan_observations_give_nan_predictions(ways, bad):
     for values in ways.predict(*bad, ways.grid[3:]):
         assert values.shape == (38, 2)
         assert np.isnan(values).all()
@@ -160,7 +160,7 @@ def test_shapes_that_do_not_fit_are_refused(ways):
         ways.predict(np.zeros(2), np.zeros((1, 2)), ways.grid)
 
 
-def test_the_seed_decides_all(ways, two_ways):
+def test_the_same_seed_gives_the_same_bits(ways, two_ways):
     shown = ([1.0], [[1.0, 0.3]], ways.grid)
     again, other = (train(two_ways, learner="cesn", seed=seed) for seed in (0, 1))
     np.testing.assert_array_equal(again.predict(*shown), ways.predict(*shown))
@@ -169,7 +169,7 @@ def test_the_seed_decides_all(ways, two_ways):
         train(two_ways, learner="cesn", seed=-1)
 
 
-def test_a_room_of_any_size_is_the_same(make_bows):
+def test_the_size_of_the_task_does_not_matter(make_bows):
     small, large = (train(make_bows([1.0, -1.0], scale=scale), learner="cesn") for scale in (0.25, 12.5))
     mean, variance = small.predict([1.0], [[0.25, 0.1]], small.grid)
     large_mean, large_variance = large.predict([1.0], [[12.5, 5.0]], large.grid)
@@ -178,7 +178,7 @@ def test_a_room_of_any_size_is_the_same(make_bows):
     assert large.confidence_gain == pytest.approx(small.confidence_gain / 2500.0, rel=0.02)
 
 
-def test_a_room_mirrored_or_turned_is_nearly_the_same(make_bows):
+def test_mirroring_or_turning_the_task_hardly_matters(make_bows):
     demonstrations = make_bows([1.0, 0.4, -0.8])
     plain = train(demonstrations, learner="cesn")
     shown = np.array([[1.0, 0.7]])
@@ -189,17 +189,17 @@ def test_a_room_mirrored_or_turned_is_nearly_the_same(make_bows):
         np.testing.assert_allclose(turned, mean @ np.transpose(matrix), atol=0.06)
 
 
-def test_scores_lean_the_mean_and_leave_the_doubt(make_bows):
+def test_scores_weight_the_mean_and_not_the_spread(make_bows):
     demonstrations = make_bows([1.0, -1.0], scores=[3.0, 0.0])
     leant, even = (train(demonstrations, learner="cesn", weighted=weighted) for weighted in (True, False))
     shown = ([0.0], [[0.0, 0.0]], leant.grid)
     assert leant.predict(*shown)[0][20, 1] > even.predict(*shown)[0][20, 1] + 0.2
     np.testing.assert_allclose(even.predict(*shown)[0][20, 1], 0.0, atol=0.1)
-    # About a mean that leans to one way, the spread of both alike is larger, not smaller.
+    # About a mean that is near one route, the spread of both is larger, not smaller.
     assert leant.predict(*shown)[1][20, 1] > 0.9 * even.predict(*shown)[1][20, 1]
 
 
-def test_one_demonstration_is_followed_and_nothing_else_is(make_bows):
+def test_one_demonstration_gives_confidence_on_it_alone(make_bows):
     learner = train(make_bows([1.0]), learner="cesn")
     mean, variance = learner.predict([2.0], [[2.0, 1.0]], learner.grid)
     np.testing.assert_allclose(mean, learner.demonstrations[0], atol=0.02)
@@ -216,7 +216,7 @@ def test_scaled_multiplies_every_standard_deviation(ways):
         np.testing.assert_allclose(scaled_variance, 4.0 * variance, rtol=1e-6)
 
 
-def test_a_learner_read_back_says_the_same_bits_and_writes_the_same_file(ways, tmp_path):
+def test_a_learner_read_back_predicts_the_same_bits_and_writes_the_same_file(ways, tmp_path):
     save_learner(ways, tmp_path / "one")
     read = load_learner(tmp_path / "one")
     for count in (0, 1, 3):

@@ -182,7 +182,7 @@ def test_an_object_without_the_attributes_is_refused():
         check_learner(object())
 
 
-def test_nobody_trains_a_gain_from_a_negative_variance(make_bows):
+def test_a_negative_variance_gives_no_gain(make_bows):
     with pytest.raises(InputError, match="variance"):
         calibrate(NegativeVariance(), make_bows([1.0, -1.0], duration=2.0))
 
@@ -198,7 +198,7 @@ def test_shipped_learners_pass(name):
     assert not isinstance(learner, MultimodalLearner)
 
 
-def test_the_learner_of_a_lone_human_passes():
+def test_no_learner_passes_for_any_position_size():
     check_learner(NoLearner(15.0))
     mean, variance = NoLearner(15.0).predict([], np.empty((0, 3)), [1.0, 2.0])
     assert np.isnan(mean).all()

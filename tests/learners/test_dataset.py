@@ -34,7 +34,7 @@ def test_a_steady_motion_is_the_same_at_any_rate_and_step():
     np.testing.assert_allclose(made.positions, np.broadcast_to(expected, (3, 21, 2)), atol=1e-12)
 
 
-def test_time_counts_from_the_first_point_and_the_early_wait_at_their_end():
+def test_time_counts_from_the_first_point_and_short_demonstrations_stay_at_their_end():
     late = one([100.0, 101.0], [[0.0, 0.0], [1.0, 0.0]])
     long = one([0.0, 2.0], [[0.0, 0.0], [2.0, 0.0]])
     made = make_dataset(Demonstrations(items=(late, long)))
@@ -42,14 +42,14 @@ def test_time_counts_from_the_first_point_and_the_early_wait_at_their_end():
     np.testing.assert_allclose(made.positions[0, [0, 5, 10, 20], 0], [0.0, 0.5, 1.0, 1.0])
 
 
-def test_the_duration_may_be_given():
+def test_the_duration_can_be_set():
     item = one([0.0, 1.0], [[0.0, 0.0], [1.0, 0.0]])
     assert make_dataset(Demonstrations(items=(item,)), duration=3.0).grid[-1] == 3.0
     with pytest.raises(InputError, match="duration must be positive"):
         make_dataset(Demonstrations(items=(item,)), duration=0.0)
 
 
-def test_weights_follow_the_scores_unless_there_are_none_or_they_are_not_wanted(make_bows):
+def test_weights_follow_the_scores_unless_unknown_or_turned_off(make_bows):
     scored = make_bows([1.0, -1.0], scores=[0.1, 0.4])
     np.testing.assert_allclose(make_dataset(scored).weights, sampling_weights([0.1, 0.4]))
     np.testing.assert_allclose(make_dataset(scored, weighted=False).weights, 0.5)
@@ -65,16 +65,16 @@ def test_spread_is_the_root_of_the_mean_variance(make_bows):
 
 
 @pytest.mark.parametrize("heights", [[0.5], [0.5, 0.5]])
-def test_without_a_spread_the_extent_of_the_way_gives_the_scale(make_bows, heights):
+def test_without_a_spread_the_extent_gives_the_scale(make_bows, heights):
     assert make_dataset(make_bows(heights)).spread == pytest.approx(0.02 * 4.0)
 
 
-def test_standing_still_has_a_scale_too():
+def test_a_robot_that_stands_still_has_a_positive_scale():
     still = one([0.0, 1.0], [[3.0, 3.0], [3.0, 3.0]])
     assert make_dataset(Demonstrations(items=(still,))).spread > 0.0
 
 
-def test_the_digest_names_the_data(make_bows):
+def test_the_digest_identifies_the_data(make_bows):
     same = [make_dataset(make_bows([1.0, -1.0])).digest for _ in range(2)]
     assert same[0] == same[1]
     assert make_dataset(make_bows([1.0, -1.1])).digest != same[0]

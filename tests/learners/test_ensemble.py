@@ -1,4 +1,4 @@
-"""Ensembles: what the members disagree about is not known."""
+"""Ensembles: disagreement of the members adds to the variance."""
 
 import dataclasses
 
@@ -28,8 +28,8 @@ def test_mean_and_variance_are_those_of_the_mixture_of_its_members(ensemble):
     assert (variance > variances.mean(axis=0)).all()
 
 
-def test_the_members_are_what_each_seed_gives_alone(ensemble, two_ways):
-    """Side by side or not: the same but for the rounding of batched products, which training magnifies."""
+def test_members_equal_learners_trained_alone(ensemble, two_ways):
+    """They differ by the rounding of batched products, which training magnifies."""
     for record, member in zip(ensemble.metadata["training"]["members"], ensemble.members, strict=True):
         alone = train(two_ways, iterations=QUICK, seed=record["seed"])
         for one, other in zip(
@@ -51,7 +51,7 @@ def test_the_same_seed_gives_the_same_bits_and_the_file_gives_them_back(ensemble
             np.testing.assert_array_equal(one, same)
 
 
-def test_scaled_scales_what_each_member_is_unsure_of(ensemble):
+def test_scaled_scales_the_variance_of_each_member(ensemble):
     mean, variance = ensemble.predict(*SHOWN, ensemble.grid)
     scaled_mean, scaled_variance = ensemble.scaled(2.0).predict(*SHOWN, ensemble.grid)
     np.testing.assert_array_equal(scaled_mean, mean)
@@ -71,7 +71,7 @@ def test_learners_of_different_tasks_are_trained_side_by_side(make_bows):
             np.testing.assert_allclose(one, other, atol=3e-3)
 
 
-def test_learners_of_the_paper_stop_each_at_its_own_loss(make_bows):
+def test_each_learner_of_the_paper_stops_at_its_own_loss(make_bows):
     parameters = dataclasses.replace(
         PRESETS["paper"], batch=20, queries=20, loss_threshold=0.0, iterations=400
     )

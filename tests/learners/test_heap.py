@@ -1,4 +1,4 @@
-"""Whether freed memory is kept, by counting the pages that the system has to clear."""
+"""Whether freed memory is kept, measured by the pages that the system has to clear."""
 
 import ctypes
 import subprocess
@@ -31,14 +31,14 @@ print(cleared())
 
 
 @pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"), reason="the C library is not glibc")
-def test_freed_blocks_are_kept_and_in_the_end_given_back():
+def test_freed_blocks_are_kept_until_the_end():
     told = subprocess.run([sys.executable, "-c", COUNTED], capture_output=True, text=True, check=True)
     kept, given_back = map(float, told.stdout.split())
     assert kept < 5
     assert given_back > 40
 
 
-def test_where_the_c_library_is_another_nothing_is_done(monkeypatch):
+def test_another_c_library_is_left_alone(monkeypatch):
     monkeypatch.setattr(ctypes, "CDLL", lambda name: object())
     with kept_memory():
         assert np.ones(10).sum() == 10

@@ -39,7 +39,7 @@ def test_at_the_fork_both_routes_are_modes_within_5_cm(fork):
         truth = np.stack([0.5 * later, side * np.sin(np.pi * 0.5 * later / 5) ** 2], -1)
         assert np.linalg.norm(path - truth, axis=1).max() < 0.05
     middle = np.abs(later - 5.0).argmin()
-    # Half a way each: 1 m off the middle, so about 1 m^2 of variance between them.
+    # Both routes pass 1 m beside the middle, so the variance between them is about 1 m^2.
     assert variance[middle, 1] == pytest.approx(1.0, abs=0.2)
     assert abs(mean[middle, 1]) < 0.6
 

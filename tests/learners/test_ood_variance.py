@@ -32,7 +32,7 @@ def test_a_demonstrated_position_at_another_time_is_far_too():
     assert added(0.0, 2.0, 1.0) == pytest.approx(3.0 * 1.8**2)
 
 
-def test_beyond_the_ends_of_time_the_ends_count():
+def test_times_outside_the_grid_count_as_its_ends():
     assert added(-5.0, 0.0, 1.0) == 0.0
     assert added(50.0, 2.0, 1.0) == 0.0
 

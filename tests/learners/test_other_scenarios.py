@@ -1,4 +1,4 @@
-"""Routes of another room: larger, smaller, mirrored, turned. What is learnt is the same."""
+"""A task that is larger, smaller, mirrored or turned is learnt as well."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from drake_shared.learners import train
 
 TIMES = np.linspace(0.0, 10.0, 101)
 NOISE = 0.03
-"""Of the point shown, in [m] in a room of 5 m."""
+"""Of the observation, in [m], for a task of 5 m."""
 
 
 def turn(degrees: float) -> np.ndarray:
@@ -26,7 +26,7 @@ ROOMS = {
 
 
 def drives(count: int, seed: int) -> np.ndarray:
-    """Drives of three ways round two obstacles, shape (count, 101, 2), in [m]; ways take turns."""
+    """Paths of three routes around two obstacles, shape (count, 101, 2), in [m]; routes take turns."""
     rng = np.random.default_rng(seed)
     share = TIMES / TIMES[-1]
     bump = np.sin(2.0 * np.pi * share) ** 2
@@ -46,7 +46,7 @@ def taught(paths: np.ndarray) -> Demonstrations:
 
 
 def score(learner, room: np.ndarray, scale: float) -> dict[str, float]:
-    """Of fresh drives, shown one point where ways are apart: measures in units of the room of 5 m."""
+    """Errors on new paths from one observation where routes are apart, in units of the task of 5 m."""
     rng = np.random.default_rng(1)
     errors, z = [], []
     for path in drives(12, seed=5):
@@ -54,7 +54,7 @@ def score(learner, room: np.ndarray, scale: float) -> dict[str, float]:
             shown = (path[step] + NOISE * rng.standard_normal(2)) @ room.T
             mean, variance = learner.predict(TIMES[step : step + 1], shown[None], TIMES[step + 1 :])
             off = path[step + 1 :] @ room.T - mean
-            late = step > 50  # After the second fork nothing is left open.
+            late = step > 50  # After the second fork the route is known.
             errors += [np.square(off / scale).sum(axis=1).mean()] if late else []
             z.append(off / np.sqrt(variance))
     z = np.abs(np.concatenate(z))
@@ -66,13 +66,13 @@ def plain():
     return score(train(taught(drives(12, seed=0)), iterations=400), np.eye(2), 1.0)
 
 
-def test_ways_are_told_from_one_noisy_point(plain):
+def test_one_noisy_observation_determines_the_route(plain):
     assert plain["rmse"] < 0.06
     assert 0.85 < plain["coverage"] < 0.97
 
 
 @pytest.mark.parametrize("name", ROOMS)
-def test_another_room_is_learnt_as_well(plain, name):
+def test_size_and_orientation_of_the_task_do_not_matter(plain, name):
     room = ROOMS[name]
     scale = float(np.sqrt(abs(np.linalg.det(room))))
     found = score(train(taught(drives(12, seed=0) @ room.T), iterations=400), room, scale)

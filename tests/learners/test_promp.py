@@ -12,7 +12,7 @@ T = np.linspace(0.0, 10.0, 101)
 
 @pytest.fixture(scope="module")
 def fan():
-    """Twenty ways that leave (0, 0) in different directions, taught to a ProMP."""
+    """A ProMP of twenty paths that leave (0, 0) in different directions."""
     pytest.importorskip("movement_primitives")
     items = [
         Demonstration(times=T, positions=np.stack([0.3 * T, slope * 0.3 * T], -1))
@@ -21,7 +21,7 @@ def fan():
     return train(Demonstrations(items=tuple(items)), learner="promp")
 
 
-def test_one_point_tells_the_direction(fan):
+def test_one_observation_determines_the_direction(fan):
     mean, variance = fan.predict([5.0], [[1.5, 0.6]], fan.grid[60:])
     np.testing.assert_allclose(mean[-1], [3.0, 1.2], atol=0.1)
     _, before = fan.predict([], np.zeros((0, 2)), fan.grid[60:])

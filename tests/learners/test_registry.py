@@ -1,4 +1,4 @@
-"""Learners from outside the package: found by an entry point, and then usable everywhere."""
+"""Learners of other packages, registered by an entry point."""
 
 import sys
 import textwrap
@@ -84,7 +84,7 @@ def test_a_learner_from_outside_trains_saves_loads_and_drives(outside):
     assert 0 < trial["human_weight"][:-1].mean() < 1
 
 
-def test_an_entry_point_that_fails_to_import_says_so(outside):
+def test_an_entry_point_that_fails_to_import_is_named(outside):
     with pytest.raises(InputError, match=r"broken.*no_such_module"):
         find_learner("broken")
 

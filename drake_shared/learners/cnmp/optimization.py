@@ -130,7 +130,8 @@ class Optimization:
         every, check = max(1, planned // 200), max(1, planned // CHECKS)
         # A mean over about 2,000 points, whatever the batch, since the loss of one query varies.
         memory = max(10.0, 2_000.0 / (p.batch * p.queries))
-        unit = 2.0 * np.log(self._scales)
+        # From nats per normalized point to nats per point in m.
+        unit = self.datasets[0].mean_path.shape[1] * np.log(self._scales)
         running, best, best_at, start = np.zeros(len(unit)), math.inf, 0, time.perf_counter()
         recent = 0.0  # Sum over the iterations since the last check.
         for iteration in range(planned):

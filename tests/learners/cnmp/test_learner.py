@@ -1,4 +1,4 @@
-"""The predictor in numpy: the numbers of the torch network, whatever is asked and shown."""
+"""The predictor in numpy equals the torch network for any observations and queries."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from drake_shared.learners.dataset import make_dataset
 
 
 def torch_prediction(run: Optimization, learner: CnmpLearner, times, positions, queries):
-    """What the torch network says, in metres."""
+    """The prediction of the torch network, in metres."""
     model = learner
 
     def interpolated(when):
@@ -22,12 +22,12 @@ def torch_prediction(run: Optimization, learner: CnmpLearner, times, positions, 
 
     features = time_features(times, learner.duration, model.harmonics)
     seen = np.concatenate([features, (positions - interpolated(times)) / model.scale], axis=1)
-    asked = time_features(queries, learner.duration, model.harmonics)
+    queries_features = time_features(queries, learner.duration, model.harmonics)
     with torch.no_grad():
         mean, spread = run._network(
             torch.tensor(seen, dtype=torch.float32)[None],
             torch.zeros(len(times), dtype=torch.long),
-            torch.tensor(asked, dtype=torch.float32),
+            torch.tensor(queries_features, dtype=torch.float32),
         )
     mean, spread = mean[0, 0].numpy(), spread[0, 0].numpy()
     return mean * model.scale + interpolated(queries), (spread * model.scale + model.sigma_floor) ** 2
@@ -35,7 +35,7 @@ def torch_prediction(run: Optimization, learner: CnmpLearner, times, positions, 
 
 @pytest.mark.parametrize("preset", ["default", "paper"])
 @pytest.mark.parametrize("count", [1, 2, 7])
-def test_numpy_says_what_torch_says(two_ways, preset, count):
+def test_numpy_predicts_what_torch_predicts(two_ways, preset, count):
     run = Optimization([make_dataset(two_ways)], PRESETS[preset], seeds=[3])
     for fraction in np.linspace(0.0, 1.0, 20):
         run._step(float(fraction))
@@ -50,7 +50,7 @@ def test_numpy_says_what_torch_says(two_ways, preset, count):
         np.testing.assert_allclose(variance, expected_variance, atol=1e-5, rtol=1e-5)
 
 
-def test_results_are_fresh_float64_arrays(learner):
+def test_results_are_new_float64_arrays(learner):
     first = learner.predict([1.0], [[1.0, 0.7]], learner.grid)
     kept = [values.copy() for values in first]
     second = learner.predict([1.0], [[1.0, -0.7]], learner.grid)
@@ -63,19 +63,17 @@ def test_results_are_fresh_float64_arrays(learner):
         np.testing.assert_array_equal(before, copy)
 
 
-def test_what_is_asked_does_not_depend_on_how_it_is_asked(learner):
+def test_predictions_do_not_depend_on_how_queries_are_grouped(learner):
     shown = ([1.0], [[1.0, 0.7]])
     mean, variance = learner.predict(*shown, learner.grid)
     for queries, rows in ((learner.grid[12:], slice(12, None)), (learner.grid[5:9], slice(5, 9))):
         part_mean, part_variance = learner.predict(*shown, queries)
-        np.testing.assert_allclose(
-            part_mean, mean[rows], atol=1e-5
-        )  # As exact as float32 networks are held to be.
+        np.testing.assert_allclose(part_mean, mean[rows], atol=1e-5)
         np.testing.assert_allclose(part_variance, variance[rows], atol=1e-7, rtol=1e-4)
     assert learner.predict(*shown, [])[0].shape == (0, 2)
 
 
-def test_beyond_the_ends_of_time_the_ends_count(learner):
+def test_times_outside_the_grid_count_as_its_ends(learner):
     shown = ([1.0], [[1.0, 0.7]])
     outside = learner.predict(*shown, [-3.0, 4.1, 1e6])
     ends = learner.predict(*shown, [0.0, 4.0, 4.0])
@@ -84,7 +82,7 @@ def test_beyond_the_ends_of_time_the_ends_count(learner):
     np.testing.assert_allclose(early, late, atol=1e-12)
 
 
-def test_with_nothing_observed_the_demonstrations_say_what_is_known(learner, two_ways):
+def test_without_observations_it_predicts_the_moments_of_the_demonstrations(learner, two_ways):
     mean, variance = learner.predict([], np.empty((0, 2)), learner.grid)
     np.testing.assert_allclose(mean[:, 0], learner.grid, atol=1e-9)
     np.testing.assert_allclose(mean[:, 1], 0.0, atol=1e-9)
@@ -94,7 +92,7 @@ def test_with_nothing_observed_the_demonstrations_say_what_is_known(learner, two
 
 
 @pytest.mark.parametrize("preset", ["default", "paper"])
-def test_prefixes_are_predicted_as_if_one_at_a_time_to_the_bit(learner, paper_learner, preset):
+def test_prefixes_have_the_bits_of_separate_predictions(learner, paper_learner, preset):
     dut = learner if preset == "default" else paper_learner
     times, positions = np.array([0.5, 1.0, 3.0]), np.array([[0.5, 0.4], [1.0, 2.7], [3.0, 0.7]])
     for queries in (dut.grid, dut.grid[12:], [0.3, 7.0]):
@@ -115,7 +113,7 @@ def test_order_of_observations_does_not_matter(learner):
 
 
 @pytest.mark.parametrize("bad", [([np.nan], [[1.0, 0.7]]), ([1.0], [[np.nan, 0.7]])])
-def test_nan_shown_is_nan_said(learner, bad):
+def test_nan_observations_give_nan_predictions(learner, bad):
     mean, variance = learner.predict(*bad, learner.grid)
     assert np.isnan(mean).all()
     assert np.isnan(variance).all()
@@ -129,7 +127,7 @@ def test_shapes_that_do_not_fit_are_refused(learner, shapes):
         learner.predict(*(np.zeros(shape) for shape in shapes))
 
 
-def test_far_from_every_demonstration_it_doubts_and_the_farther_the_more(make_bows):
+def test_variance_grows_with_the_distance_from_all_demonstrations(make_bows):
     learner = train(make_bows([0.6, -0.6]), iterations=200)
     spreads = []
     for away in (0.0, 0.5, 5.0, 100.0):
@@ -147,7 +145,7 @@ def test_scaled_multiplies_every_standard_deviation(learner):
     np.testing.assert_allclose(scaled_variance, 4.0 * variance, rtol=1e-5)
 
 
-def test_codes_are_averaged_or_weighed_by_their_precision():
+def test_codes_are_averaged_or_weighted_by_their_precision():
     codes = np.array([[1.0, -2.0, 0.3, 5.0], [2.0, 4.0, -1.0, 100.0]], np.float32)
     np.testing.assert_allclose(aggregate(codes, "mean"), codes.mean(axis=0))
     said, precision = codes[:, :2], np.log1p(np.exp(codes[:, 2:].astype(float)))
@@ -159,7 +157,7 @@ def test_codes_are_averaged_or_weighed_by_their_precision():
         np.testing.assert_allclose(aggregate(codes, kind), in_torch, rtol=1e-5)
 
 
-def test_softplus_is_torchs_and_does_not_overflow():
+def test_softplus_equals_that_of_torch_and_does_not_overflow():
     values = np.array([-100.0, -1.0, 0.0, 3.0, 79.0, 500.0], np.float32)
     expected = torch.nn.functional.softplus(torch.tensor(values)).numpy()
     np.testing.assert_allclose(softplus(values), expected, rtol=1e-6)

@@ -1,4 +1,4 @@
-"""The loss by hand, and what it teaches the mean and the spread."""
+"""The loss and its gradients, computed by hand."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ def tensors(*values: float) -> list[torch.Tensor]:
     return [torch.full((1, 1, 1, 2), value, requires_grad=True) for value in values]
 
 
-def test_without_beta_its_gradients_are_those_of_the_negative_log_likelihood():
+def test_without_beta_gradients_are_those_of_the_negative_log_likelihood():
     mean, sigma, truth = tensors(0.2, 0.5, 1.0)
     loss, nll = beta_nll(mean, sigma, truth, weights=torch.ones(1, 1, 1, 1), beta=0.0)
     expected = 2 * (0.5 * ((1.0 - 0.2) / 0.5) ** 2 + np.log(0.5) + 0.5 * np.log(2 * np.pi))
@@ -21,7 +21,7 @@ def test_without_beta_its_gradients_are_those_of_the_negative_log_likelihood():
     np.testing.assert_allclose(sigma.grad, 1 / 0.5 - (1.0 - 0.2) ** 2 / 0.5**3, rtol=1e-5)
 
 
-def test_beta_gives_the_mean_back_its_gradient_where_sigma_is_wide():
+def test_beta_restores_the_gradient_of_the_mean_where_sigma_is_large():
     gradients = []
     for beta in (0.0, 0.5, 1.0):
         mean, sigma, truth = tensors(0.0, 10.0, 1.0)
@@ -30,7 +30,7 @@ def test_beta_gives_the_mean_back_its_gradient_where_sigma_is_wide():
     np.testing.assert_allclose(gradients, [0.01, 0.1, 1.0], rtol=1e-5)
 
 
-def test_the_mean_leans_to_the_better_ones_and_sigma_covers_all():
+def test_weights_apply_to_the_mean_and_sigma_covers_all():
     """Minimised over truths -1 and +1 of weights 0.2 and 1.8, mean and variance are the known ones."""
     truth = torch.tensor([-1.0, 1.0])[None, :, None, None].expand(1, 2, 1, 2)
     weights = torch.tensor([0.2, 1.8])[None, :, None, None]

@@ -27,7 +27,7 @@ def draws(made: Sampler, count: int) -> list[Batch]:
     return [made.sample() for _ in range(count)]
 
 
-def test_the_paper_draws_one_demonstration_by_pd_and_one_query():
+def test_the_paper_samples_one_demonstration_by_pd_and_one_query():
     batches = draws(sampler("paper"), 3_000)
     assert all(batch.truth.shape == (1, 1, 1, 2) for batch in batches)
     chosen = np.array([int(batch.truth[0, 0, 0, 0]) for batch in batches])
@@ -35,7 +35,7 @@ def test_the_paper_draws_one_demonstration_by_pd_and_one_query():
     assert all((batch.weights == 1.0).all() for batch in batches)
 
 
-def test_the_paper_shows_1_to_m_points_as_they_are():
+def test_the_paper_observes_1_to_m_points_without_noise():
     batches = draws(sampler("paper", observations=4), 2_000)
     counts = np.bincount([batch.observations.shape[1] for batch in batches])[1:]
     np.testing.assert_allclose(counts / 2_000, 0.25, atol=0.03)
@@ -46,14 +46,14 @@ def test_the_paper_shows_1_to_m_points_as_they_are():
         assert (batch.queries[:, 0] == batch.truth[0, 0, :, 1]).all()
 
 
-def test_the_default_draws_evenly_and_leans_by_weight():
+def test_the_default_samples_evenly_and_weights_the_mean():
     batch = sampler("default", batch=6_000, noise=0.0, blending=0.0).sample()
     chosen = batch.truth[0, :, 0, 0].int().numpy()
     np.testing.assert_allclose(np.bincount(chosen) / 6_000, 1 / 3, atol=0.03)
     np.testing.assert_allclose(batch.weights[0, :, 0, 0], 3.0 * WEIGHTS[chosen], rtol=1e-6)
 
 
-def test_the_share_with_one_observation_is_kept():
+def test_a_share_of_each_batch_has_one_observation():
     batch = sampler("default", batch=1_000, single_share=0.4, observations=5).sample()
     counts = torch.bincount(batch.sample_index)
     assert len(counts) == 1_000
@@ -62,20 +62,20 @@ def test_the_share_with_one_observation_is_kept():
     assert counts.max() == 5
 
 
-def test_noise_moves_what_is_seen_and_not_what_is_asked():
+def test_noise_moves_observations_and_not_queries():
     batch = sampler("default", batch=5_000, noise=0.1, blending=0.0).sample()
     offsets = batch.observations[0, :, 2] - batch.observations[0, :, 0]
     assert offsets.std().item() == pytest.approx(0.1, rel=0.05)
     assert (batch.truth[0, :, :, 1] == batch.queries[:, 0]).all()
 
 
-def test_the_same_seed_draws_the_same():
+def test_the_same_seed_gives_the_same_samples():
     for one, other in zip(draws(sampler("default"), 3), draws(sampler("default"), 3), strict=True):
         assert torch.equal(one.observations, other.observations)
         assert torch.equal(one.truth, other.truth)
 
 
-def test_what_a_learner_is_shown_does_not_depend_on_its_company():
+def test_samples_of_a_learner_do_not_depend_on_the_others():
     alone, together = sampler("default", seeds=[5]), sampler("default", seeds=[2, 5])
     for one, both in zip(draws(alone, 3), draws(together, 3), strict=True):
         assert torch.equal(one.observations[0], both.observations[1])
@@ -84,7 +84,7 @@ def test_what_a_learner_is_shown_does_not_depend_on_its_company():
 
 
 @pytest.mark.parametrize(("copies", "share"), [(1, 1.0), (4, 0.25)])
-def test_what_demonstrations_cannot_tell_of_a_way_is_less_the_more_there_are(copies, share):
+def test_low_frequency_noise_falls_with_the_number_of_demonstrations_of_a_route(copies, share):
     parameters = dataclasses.replace(PRESETS["default"], batch=4_000, noise=0.0, wandering=0.2)
     paths = np.concatenate([PATHS[:1]] * copies)
     task = TaskData(paths=paths, weights=np.full(copies, 1 / copies), unit=1.0, seed=2)

@@ -1,4 +1,4 @@
-"""Training on toy sets whose answer is known, and what it does with data that is hardly any."""
+"""Training on toy tasks whose answer is known, and on minimal data."""
 
 import dataclasses
 
@@ -17,21 +17,21 @@ def at(learner, time: float, position, query: float) -> tuple[np.ndarray, np.nda
     return mean[0], np.sqrt(variance[0])
 
 
-def test_shown_one_way_it_expects_that_way(learner):
+def test_an_observation_on_one_route_predicts_that_route(learner):
     for side in (1.0, -1.0):
         mean, sigma = at(learner, 1.0, [1.0, side * np.sin(np.pi / 4)], 2.0)
         np.testing.assert_allclose(mean, [2.0, side], atol=0.05)
         assert (sigma < 0.1).all()
 
 
-def test_where_the_ways_part_it_expects_their_mean_and_spread(learner):
-    """Two ways at +1 and -1 m: a mean of 0 and a standard deviation of 1."""
+def test_where_routes_part_it_predicts_their_mean_and_spread(learner):
+    """Two routes at +1 and -1 m: a mean of 0 and a standard deviation of 1."""
     mean, sigma = at(learner, 0.0, [0.0, 0.0], 2.0)
     np.testing.assert_allclose(mean, [2.0, 0.0], atol=0.15)
     assert sigma[1] == pytest.approx(1.0, abs=0.15)
 
 
-def test_the_mean_leans_to_the_better_way_while_the_spread_covers_both(make_bows):
+def test_scores_weight_the_mean_while_the_spread_covers_both_routes(make_bows):
     scored = make_bows([1.0, -1.0], scores=[0.0, 0.2])
     learner = train(scored, iterations=400)
     # Width 0.2: weights exp(-0.5) and 1 give a mean of (0.607 - 1) / 1.607.
@@ -60,8 +60,8 @@ def test_the_same_seed_gives_the_same_bits(two_ways, preset):
 
 
 @pytest.mark.parametrize("scale", [0.02, 50.0])
-def test_the_size_of_the_room_does_not_matter(make_bows, scale):
-    """The same ways, larger or smaller: the same prediction in that unit, K in the inverse square of it."""
+def test_the_size_of_the_task_does_not_matter(make_bows, scale):
+    """Predictions scale with the task, and K with its inverse square."""
     plain = train(make_bows([1.0, -1.0]), iterations=QUICK)
     sized = train(make_bows([1.0, -1.0], scale=scale), iterations=QUICK)
     position = np.array([[1.0, 0.7]])
@@ -72,7 +72,7 @@ def test_the_size_of_the_room_does_not_matter(make_bows, scale):
     assert sized.confidence_gain == pytest.approx(plain.confidence_gain / scale**2, rel=0.02)
 
 
-def test_the_record_says_how_it_came_about(two_ways):
+def test_the_record_holds_iterations_seed_data_and_versions(two_ways):
     seen = []
     learner = train(two_ways, iterations=QUICK, seed=7, progress=lambda *state: seen.append(state))
     record = learner.metadata["training"]
@@ -86,7 +86,7 @@ def test_the_record_says_how_it_came_about(two_ways):
     assert seen[-1][:2] == (QUICK, QUICK)
 
 
-def test_seconds_plan_the_iterations_and_the_same_number_gives_the_same_learner(two_ways):
+def test_seconds_determine_iterations_that_reproduce_the_learner(two_ways):
     timed = train(two_ways, seconds=0.8)
     record = timed.metadata["training"]
     assert record["seconds"] < 1.6
@@ -97,17 +97,17 @@ def test_seconds_plan_the_iterations_and_the_same_number_gives_the_same_learner(
         np.testing.assert_array_equal(timed.predict(*shown), again.predict(*shown))
 
 
-def test_a_learner_that_ignores_what_it_is_shown_is_begun_again(two_ways):
+def test_training_restarts_if_the_learner_ignores_observations(two_ways):
     # At this rate nothing is learnt, so every attempt but the last is given up.
-    deaf = dataclasses.replace(PRESETS["default"], learning_rate=1e-9, iterations=20, restarts=2)
-    record = train(two_ways, parameters=deaf).metadata["training"]
+    inert = dataclasses.replace(PRESETS["default"], learning_rate=1e-9, iterations=20, restarts=2)
+    record = train(two_ways, parameters=inert).metadata["training"]
     assert record["restarts"] == 2
     assert record["ignores_observations"]
 
 
-def test_divergence_ends_with_a_clear_error(two_ways):
+def test_divergence_raises_a_run_error(two_ways):
     wild = dataclasses.replace(PRESETS["default"], learning_rate=1e30, iterations=50)
-    with pytest.raises(RunError, match="training diverged: the loss is"):
+    with pytest.raises(RunError, match="diverged"):
         train(two_ways, parameters=wild)
 
 
@@ -120,7 +120,7 @@ def still(points: int) -> Demonstration:
     ["one", "identical", "two points", "standing still", "100,000 points", "varying step"],
 )
 @pytest.mark.parametrize("preset", ["default", "paper"])
-def test_hardly_any_data_still_gives_a_learner(make_bows, name, preset):
+def test_minimal_data_give_a_valid_learner(make_bows, name, preset):
     (way,) = make_bows([0.5])
     rng = np.random.default_rng(0)
     uneven = np.cumsum(rng.uniform(0.001, 0.3, 60))
@@ -142,7 +142,7 @@ def test_hardly_any_data_still_gives_a_learner(make_bows, name, preset):
     assert learner.confidence_gain > 0.0
 
 
-def test_one_demonstration_leaves_no_doubt_on_it_and_all_doubt_beside_it(make_bows):
+def test_one_demonstration_gives_full_confidence_on_it_and_none_beside_it(make_bows):
     learner = train(make_bows([0.5]), iterations=200)
     gain = learner.confidence_gain
     on, beside = (learner.predict([2.0], [[2.0, y]], learner.grid)[1].mean() for y in (0.5, 1.5))
@@ -161,7 +161,7 @@ def test_one_demonstration_leaves_no_doubt_on_it_and_all_doubt_beside_it(make_bo
         ({"duration": -1.0}, "duration must be positive"),
     ],
 )
-def test_arguments_that_mean_nothing_are_refused(two_ways, options, message):
+def test_invalid_arguments_are_refused(two_ways, options, message):
     with pytest.raises(InputError, match=message):
         train(two_ways, **options)
 
@@ -171,7 +171,7 @@ def test_a_score_that_is_nan_is_refused(make_bows):
         train(make_bows([1.0, -1.0], scores=[0.0, np.nan]), iterations=1)
 
 
-def test_many_demonstrations_are_judged_by_some_that_are_held_out(make_bows):
+def test_some_of_many_demonstrations_are_held_out(make_bows):
     rng = np.random.default_rng(0)
     many = make_bows([*rng.normal(1.0, 0.03, 30), *rng.normal(-1.0, 0.03, 30)])
     learner = train(many, iterations=200)
