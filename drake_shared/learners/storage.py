@@ -100,21 +100,19 @@ def find_file(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
 
 def learner_id(path: str | os.PathLike[str]) -> str:
     """The identifier of a learner in logs: the first 16 hexadecimal digits of its file's SHA-256."""
-    return sha256_of(path)[:16]
+    return sha256_of(find_file(path))[:16]
 
 
 def read_description(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The JSON object of a learner's file; the kind of learner may be unknown.
+    """The JSON object of a learner's file, given as to `load_learner`; its kind may be unknown.
 
     Raises:
         InputError: The file is missing, broken, of another format or of a newer version.
     """
-    return _read(path)[0]
+    return _read(find_file(path))[0]
 
 
 def _read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    if not os.path.isfile(path):
-        raise InputError(path, "", "must be a file that exists")
     try:
         with safe_open(path, framework="numpy") as file:
             text = (file.metadata() or {}).get(METADATA_KEY)

@@ -9,7 +9,7 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_shared.learners.modes import Modes
+from drake_shared.learners import Modes
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
