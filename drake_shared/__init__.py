@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from drake_shared.learners import (
         Learner as Learner,
         calibrate as calibrate,
+        check_learner as check_learner,
         load_learner as load_learner,
         save_learner as save_learner,
         train as train,
@@ -141,6 +142,7 @@ _MODULES = {
     "Workspace": "drake_shared.scenario",
     "arbiter_names": "drake_shared.systems.arbiters",
     "calibrate": "drake_shared.learners",
+    "check_learner": "drake_shared.learners",
     "config_for": "drake_shared.simulation.config",
     "config_of_log": "drake_shared.simulation.config",
     "drive": "drake_shared.cockpit",

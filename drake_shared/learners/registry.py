@@ -6,6 +6,10 @@ The entry point is a class whose instances are `drake_shared.learners.Learner` a
 - ``to_file()``, which returns its tensors and a JSON-serializable description,
 - ``from_file(path, tensors, description)``, a class method that makes it from them.
 
+A dataclass that derives from `drake_shared.learners.stored.StoredLearner` has both. `load_learner` adds "id"
+and "file" to the ``metadata`` of an instance, which must be an attribute that can be set. Instances are
+checked by `drake_shared.learners.check_learner` whenever they are trained or loaded.
+
 Its trainer is the function that the entry point of the same name in the group ``drake_shared.trainers``
 gives, or, without one, a class method ``train``. It takes demonstrations and any of the keyword arguments
 preset, weighted, seed, seconds, iterations, progress and begun, and returns an instance.

@@ -27,16 +27,18 @@ def arcs(size: int) -> Demonstrations:
     return Demonstrations(items=tuple(items))
 
 
-@pytest.mark.parametrize("size", [1, 3, 4])
 @pytest.mark.parametrize(
-    ("name", "options"),
+    ("name", "size", "options"),
     [
-        ("cnmp", {"iterations": 250}),
-        ("cnmp", {"iterations": 40, "preset": "paper"}),
-        ("cnmp", {"iterations": 40, "members": 2}),
-        ("mixture", {"iterations": 150}),
-        ("cesn", {}),
-        ("promp", {}),
+        ("cnmp", 3, {"iterations": 250}),
+        ("cnmp", 3, {"iterations": 40, "preset": "paper"}),
+        ("cnmp", 3, {"iterations": 40, "members": 2}),
+        ("mixture", 3, {"iterations": 150}),
+        ("cesn", 3, {}),
+        ("promp", 3, {}),
+        ("cnmp", 1, {"iterations": 40}),
+        ("mixture", 4, {"iterations": 40}),
+        ("cesn", 4, {}),
     ],
 )
 def test_learners_train_predict_and_are_stored(name, options, size, tmp_path):
