@@ -35,6 +35,11 @@ def single_threaded() -> Iterator[None]:
                 os.environ[name] = value
 
 
+def limit_blas() -> None:
+    """Limits BLAS to one thread for the rest of the process."""
+    threadpool_limits(1, user_api="blas")
+
+
 def limit_threads() -> threadpool_limits:
     """Limits BLAS, OpenMP and torch to one thread each for the rest of the process."""
     # For libraries that are loaded later.

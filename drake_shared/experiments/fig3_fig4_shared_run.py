@@ -92,7 +92,8 @@ def run_learners(scenario: str | None, preset: str, learners: list[int], trials:
             driven.append(trial)
             parts.append(part)
             clocks.append(dataclasses.replace(part, human_weight=-trial["t"][:-1]))
-            shares = {f"{kind}_share": float(getattr(part, kind).mean()) for kind in _KINDS}
+            kinds = {"ambiguous_share": part.ambiguous, "clear_share": part.clear}
+            shares = {name: float(steps.mean()) for name, steps in kinds.items()}
             rows.append(row_of(trial, preset=preset, learner=index, **mean_weights([part]), **shares))
         if index == 0:
             candidates = range(min(trials, len(routes)))

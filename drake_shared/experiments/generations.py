@@ -118,7 +118,8 @@ def run_repeats(
     """
     behaviour = OPERATORS[OPERATOR].behaviour_in(scenario_of(scenario))
     base = {repeat: demonstrate(scenario, seed=seed_of(repeat)) for repeat in repeats}
-    first = _train(scenario, base, preset)
+    frozen_data = {(repeat, "frozen"): items for repeat, items in base.items()}
+    first = {repeat: learner for (repeat, _), learner in _train(scenario, frozen_data, preset).items()}
     data = {(repeat, arm): list(base[repeat]) for repeat in repeats for arm in FED}
     newest = {(repeat, arm): first[repeat] for repeat, arm in data}
 
@@ -158,11 +159,12 @@ def seed_of(repeat: int, purpose: int = 0) -> int:
     return _FIRST_SEED + _STRIDE * repeat + purpose
 
 
-def _train(scenario: str | None, data: Mapping[Any, Sequence[Demonstration]], preset: str) -> dict[Any, Any]:
-    """A learner for each set of data by its key: a repeat, or a repeat and an arm."""
-    seeds = [key[0] if isinstance(key, tuple) else key for key in data]
+def _train(
+    scenario: str | None, data: Mapping[tuple[int, str], Sequence[Demonstration]], preset: str
+) -> dict[tuple[int, str], Any]:
+    """A learner for each set of data, by repeat and arm."""
     sets = [as_demonstrations(scenario, items) for items in data.values()]
-    return dict(zip(data, train_all(sets, seeds, preset=preset), strict=True))
+    return dict(zip(data, train_all(sets, [repeat for repeat, _ in data], preset=preset), strict=True))
 
 
 def _evaluate(

@@ -16,8 +16,8 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus, LeafSystem
 from pydrake.systems.primitives import VectorLog
-from threadpoolctl import threadpool_limits
 
+from drake_shared.common.threads import limit_blas
 from drake_shared.demonstrations import LOG_FORMAT
 from drake_shared.learners import Learner
 from drake_shared.robots import Robot, describe_robot
@@ -74,7 +74,7 @@ class Simulation:
         meshcat: Meshcat | None = None,
     ) -> None:
         # A second thread makes matrix products this small up to twenty times slower, and changes bits.
-        threadpool_limits(1, user_api="blas")
+        limit_blas()
         self.scenario = scenario
         self.learner = learner
         # Part of the metadata of every trial.
