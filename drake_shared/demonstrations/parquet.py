@@ -162,7 +162,10 @@ def _check_scenario(path: Path, description: Mapping[str, Any], expected: str | 
 def _position_names(path: Path, table: pa.Table, description: Mapping[str, Any]) -> tuple[str, ...]:
     if not description and "z" in table.column_names:
         return (*_PLANE, "z")
-    names = description.get("position_names", list(_PLANE))
+    # A log describes its robot.
+    robot = description.get("robot")
+    holder = robot if isinstance(robot, dict) else description
+    names = holder.get("position_names", list(_PLANE))
     if not isinstance(names, list) or not names or not all(isinstance(name, str) for name in names):
         raise InputError(path, "position_names", "must be a list of column names", names)
     return tuple(names)

@@ -18,7 +18,8 @@ def demonstration_of(trial: Trial, *, score: float) -> Demonstration:
     return Demonstration(
         times=trial["t"],
         positions=trial.positions,
-        yaws=trial["yaw"],
+        yaws=trial.columns.get("yaw"),
+        position_names=trial.robot.position_names,
         score=score,
         provenance=provenance_of_trial(trial.metadata, trial["human_weight"]),
     )

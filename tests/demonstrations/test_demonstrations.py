@@ -300,6 +300,13 @@ def test_names_of_coordinates_are_columns(tmp_path):
         Demonstration(times=[0.0, 1.0], positions=np.zeros((2, 2)), position_names=("x", "x"))
 
 
+def test_a_log_has_the_coordinates_of_its_robot(tmp_path):
+    path = write_log(tmp_path / "log.parquet", robot={"position_names": ["y", "t"]})
+    (item,) = read_demonstrations(path)
+    assert item.position_names == ("y", "t")
+    np.testing.assert_array_equal(item.positions[:, 1], item.times)
+
+
 def test_a_file_without_metadata_may_have_a_z(tmp_path):
     read = read_demonstrations(write(tmp_path / "bare.parquet", {**columns(), "z": np.arange(4.0)}))
     assert read.position_names == ("x", "y", "z")
