@@ -9,6 +9,7 @@ otherwise. Results are appended to a file of JSON lines, so that a run that was 
 from __future__ import annotations
 
 import argparse
+import ast
 import concurrent.futures
 import difflib
 import hashlib
@@ -97,12 +98,25 @@ def mutants_of(module: str) -> Iterator[Mutant]:
         count = sum(1 for node in nodes for _ in operator.mutation_positions(node))
         for occurrence in range(count):
             code = mutate_code(source, operator, occurrence)
-            if code is None or code == source:
+            if code is None or _structure(code) in (None, _structure(source)):
                 continue
             lines = difflib.unified_diff(
                 source.splitlines(), code.splitlines(), module, module, n=0, lineterm=""
             )
             yield Mutant(module, name.rpartition("/")[2], "\n".join(list(lines)[2:]), code)
+
+
+def _structure(code: str) -> str | None:
+    """The code apart from which arguments are keyword-only; None if it is invalid."""
+    try:
+        tree = ast.parse(code)
+    except SyntaxError:
+        return None
+    for node in ast.walk(tree):
+        if isinstance(node, ast.arguments):
+            names = [*node.posonlyargs, *node.args, *node.kwonlyargs]
+            node.posonlyargs, node.args, node.kwonlyargs = [], names, []
+    return ast.dump(tree)
 
 
 def copy_checkout(folder: Path) -> Path:

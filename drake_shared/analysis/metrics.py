@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from drake_shared.common.errors import InputError
-from drake_shared.robots.description import RobotDescription, described_robot
+from drake_shared.robots.description import RobotDescription
 from drake_shared.scenario.paths import passing_side
 from drake_shared.simulation.trial import Trial
 
@@ -89,7 +89,7 @@ def metrics(trial: Trial) -> Metrics:
 
     The last row of a log is not applied and does not count in sums and means.
     """
-    robot = described_robot(trial.metadata)
+    robot = trial.robot
     applied = slice(0, len(trial["t"]) - 1)
     period = np.diff(trial["t"])
     human, autonomous = trial.commands("human")[applied], trial.commands("autonomous")[applied]

@@ -1,4 +1,4 @@
-"""``drake-shared benchmark``: how fast it is, beside what a user would pick instead."""
+"""``drake-shared benchmark``: computing times compared with alternatives."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ class Benchmark(Command):
     """Measures predictions, trials, training, batches, growth and safety, each as ratios within one run."""
 
     out: Path | None = None
-    """Folder for benchmark.json and benchmark.png; default: the findings are only printed."""
+    """Folder for benchmark.json and benchmark.png; default: the results are only printed."""
     only: tuple[str, ...] = ()
     """Which groups: predict, trial, training, batch, growth, safety; default: all."""
     quick: bool = False
-    """A rough answer within a minute or two, in place of half an hour."""
+    """Rough results within a minute or two instead of half an hour."""
     repeats: int | None = None
-    """How often contenders take turns; default: 15, quick: 5."""
+    """How often each contender is timed; default: 15, quick: 5."""
     demos: Path | None = None
-    """Demonstrations to train on; default: a simulated operator makes some."""
+    """Demonstrations to train on; default: drives of a simulated operator."""
     test_demos: Path | None = None
-    """Demonstrations to test what was trained on them."""
+    """Demonstrations to test the trained learners with."""
     json: bool = False
     """Print everything as one JSON object."""
 

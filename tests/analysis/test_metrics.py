@@ -10,6 +10,7 @@ import pytest
 from drake_shared.analysis.metrics import metrics, sides_passed, sparc, summarize
 from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive
+from drake_shared.robots.description import RobotDescription
 from drake_shared.simulation.config import config_for
 from drake_shared.simulation.log import log_columns
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
@@ -241,6 +242,29 @@ def test_metrics_of_a_simulated_trial_are_plain_numbers(human_trial):
     assert measured["mean_human_weight"] == 1.0
     assert measured["dissimilarity"] == 0.0
     assert measured["path_length"] == pytest.approx(5.9, abs=0.3)
+
+
+def test_metrics_take_positions_commands_and_limits_of_any_robot(make, scenario):
+    robot = RobotDescription(
+        type="Quadrotor",
+        configuration_names=("x", "y", "z"),
+        position_names=("x", "y", "z"),
+        command_names=("vx", "vy", "vz"),
+        command_units=("m/s",) * 3,
+        command_limits=(2.0, 2.0, 1.0),
+        speed_names=(),
+    )
+    goal = {"x": 5.0, "y": 0.0, "z": 4.0, "radius": 0.1}
+    columns = {"z": [0.0, 4.0, 4.0], "x": [0.0, 3.0, 5.0], "y": np.zeros(3)}
+    for who in ("human", "autonomous", "shared"):
+        columns |= {f"{who}_v{axis}": np.zeros(3) for axis in "xyz"}
+    columns |= {"human_vx": [1.0, 0.0, 9.0], "human_vy": [2.0, 0.0, 9.0], "human_vz": [2.0, 0.5, 9.0]}
+    world = {**dataclasses.asdict(scenario), "goal": goal}
+    measured = metrics(make(**columns, metadata={"robot": robot.to_json(), "scenario": world}))
+    assert measured["path_length"] == pytest.approx(5.0 + 2.0)
+    assert measured["completion_time"] == pytest.approx(2 * PERIOD)
+    assert measured["human_effort"] == pytest.approx((3.0 + 0.5) * PERIOD)
+    assert measured["saturated_share"] == 0.5
 
 
 BELL = np.sin(np.linspace(0, np.pi, 101)) ** 2

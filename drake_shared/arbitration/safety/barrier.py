@@ -28,8 +28,8 @@ def nearest_feasible(
 
     Minimises |c - target|^2 over low <= c <= high with normals[i] . c >= bounds[i], by the incremental
     algorithm of Seidel (1991): a constraint that the optimum so far violates is active at the new optimum,
-    which is found on its line, within the constraints before it. Exact, and about six times faster on these
-    programs than Clarabel through MathematicalProgram (``drake-shared benchmark --only safety``).
+    which is found on its line, within the constraints before it. Exact, and three to six times faster than
+    Clarabel through MathematicalProgram (``drake-shared benchmark --only safety``).
 
     Args:
         target, low, high: Two values each.
