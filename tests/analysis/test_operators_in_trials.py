@@ -33,7 +33,7 @@ DRIVERS = {
 
 
 @pytest.mark.parametrize("driver", DRIVERS)
-def test_help_costs_a_driver_with_another_pace_nothing(simulation, scenario, driver):
+def test_shared_control_does_not_harm_operators_with_another_pace(simulation, scenario, driver):
     outcomes = {}
     for mode in ("human", "shared"):
         rows = []
@@ -46,7 +46,7 @@ def test_help_costs_a_driver_with_another_pace_nothing(simulation, scenario, dri
     assert sum(succeeded for succeeded, _ in outcomes["human"]) >= 2
 
 
-def test_a_driver_who_changes_the_route_has_the_control_within_a_second(simulation, scenario):
+def test_an_operator_who_changes_the_route_gets_control_within_a_second(simulation, scenario):
     changed = 5.0
     for seed, (route, then) in enumerate(changes_of_route(scenario)):
         trial = simulation.run(
@@ -59,8 +59,8 @@ def test_a_driver_who_changes_the_route_has_the_control_within_a_second(simulati
         assert metrics(trial)["intent_success"]
 
 
-def test_an_agent_that_tells_ways_apart_never_drives_into_an_obstacle_at_a_fork(scenario):
-    """Its mean lies between two ways, in the obstacle; what it aims at does not."""
+def test_a_mixture_learner_never_drives_into_an_obstacle_at_a_fork(scenario):
+    """Its mean lies between two modes, in the obstacle; the mode that it follows does not."""
     learner = train(teach(scenario), learner="mixture", iterations=800)
     simulation = Simulation(scenario, learner=learner)
     for seed in range(3):
@@ -70,7 +70,7 @@ def test_an_agent_that_tells_ways_apart_never_drives_into_an_obstacle_at_a_fork(
     start = np.array([[scenario.start.x, scenario.start.y]])
     modes = learner.predict_modes([0.0], start, learner.grid[1:])[2]
     demonstrations = learner.demonstrations
-    # Every route that is still possible is a mode, within 5 cm.
+    # Every demonstrated route is a mode, within 5 cm.
     for path in demonstrations:
         away = [np.linalg.norm(mode - path[1:], axis=1).max() for mode in modes.mean]
         assert min(away) < 0.05

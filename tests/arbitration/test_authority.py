@@ -1,5 +1,6 @@
 """What is left to the human whatever the confidence does: its numbers, and the loop that heeds them."""
 
+import dataclasses
 import json
 import math
 
@@ -192,6 +193,20 @@ def test_nothing_lags_and_evaluation_changes_nothing(bench):
 def test_numbers_that_make_no_sense_are_refused(given, said):
     with pytest.raises(InputError, match=f"authority: {said}"):
         Authority(**given)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"floor": 0.0},
+        {"floor": 1.0},
+        {"conflict_angle": math.pi},
+        {"conflict_angle": 0.5, "agreement_angle": 0.5},
+        {"weight_rate": 2.0, "release_time": 0.5, "stop_time": 0.5},
+    ],
+)
+def test_values_at_the_limits_are_accepted(given):
+    assert dataclasses.asdict(Authority(**given)).items() >= given.items()
 
 
 def test_the_preset_names_the_config(scenario):
