@@ -71,7 +71,7 @@ def write_replay(
     look_from_above(meshcat, scenario)
     draw_path(meshcat, trial.positions)
     if recorded is not None:
-        draw_path(meshcat, recorded, "recorded_way", GHOST)
+        draw_path(meshcat, recorded, "recorded_path", GHOST)
 
     builder = DiagramBuilder()
     scene_graph = builder.AddSystem(SceneGraph())

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import models_directory
 from drake_shared.learners import Learner, load_learner
+from drake_shared.learners.storage import learner_id
 from drake_shared.scenario import Scenario
 
 
@@ -46,6 +48,30 @@ def load_learner_for(scenario: str, path: Path) -> Learner:
     if taught not in (None, scenario):
         say(f"warning: {path} was taught scenario {taught!r}, not {scenario!r}")
     return learner
+
+
+def learner_of_log(metadata: Mapping[str, Any], model: Path | None) -> Learner | None:
+    """Loads the learner of a logged trial: ``model`` if it is given, else the shipped or named file.
+
+    Returns:
+        None if the trial had no learner, or its file is not found.
+
+    Raises:
+        InputError: The named file now holds another learner.
+    """
+    if model is not None:
+        return load_learner_for(metadata["scenario"]["name"], model)
+    identity, named = metadata.get("learner_id"), metadata.get("learner_file")
+    if identity is None:
+        return None
+    for file in sorted((models_directory() / "learners").glob("*.safetensors")):
+        if learner_id(file) == identity:
+            return load_learner(file)
+    if named is None or not Path(named).is_file():
+        return None
+    if learner_id(named) != identity:
+        raise InputError(named, "", "is no longer the learner of this log; give another with --model")
+    return load_learner(named)
 
 
 def print_json(value: Any) -> None:

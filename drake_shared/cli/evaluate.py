@@ -10,6 +10,8 @@ from drake_shared.cli.common import open_learner, print_json, say
 from drake_shared.cli.options import LearnerOptions
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_target
+from drake_shared.learners import Learner
+from drake_shared.scenario import Scenario
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -23,7 +25,7 @@ class Evaluate(LearnerOptions):
     trials: int = 30
     """Trials in which the confidence is evaluated; 0 omits it."""
     seed: int = 0
-    """Of the noise, the fresh drives and the trials."""
+    """Seed of the noise, the fresh drives and the trials."""
     recalibrate: Path | None = None
     """Write the learner here with its standard deviations scaled to fit the demonstrations."""
     figure: Path | None = None
@@ -53,7 +55,7 @@ class Evaluate(LearnerOptions):
         found = prediction_errors(learner, demonstrations, noise=self.noise, seed=self.seed)
         result: dict[str, Any] = {"model": str(path), **evaluate(found)}
         if self.trials:
-            result["confidence"] = self._judge(scenario, learner)
+            result["confidence"] = self._assess(scenario, learner)
         if self.figure is not None:
             draw_reliability(result, self.figure)
             say(f"wrote {self.figure}")
@@ -71,7 +73,7 @@ class Evaluate(LearnerOptions):
         else:
             _print(result)
 
-    def _judge(self, scenario, learner) -> dict[str, Any]:
+    def _assess(self, scenario: Scenario, learner: Learner) -> dict[str, Any]:
         from drake_shared.analysis.ambiguity import ambiguity, ambiguity_ranking, mean_weights
         from drake_shared.analysis.confidence_calibration import (
             assess_confidence,
@@ -81,15 +83,15 @@ class Evaluate(LearnerOptions):
         from drake_shared.simulation.trial import Simulation, TrialSettings
 
         simulation = Simulation(scenario, learner=learner, config=self.control)
-        ways = demonstrations_of_routes(scenario, learner)
+        shown = demonstrations_of_routes(scenario, learner)
         parts, ambiguities = [], []
         for index in range(self.trials):
             route = scenario.routes[index % len(scenario.routes)]
-            if route.name not in ways:
+            if route.name not in shown:
                 continue
             trial = simulation.run(TrialSettings(route=route.name, seed=self.seed + index))
-            parts.append(assess_confidence(learner, trial, ways[route.name]))
-            if len(learner.demonstrations) > 1:
+            parts.append(assess_confidence(learner, trial, shown[route.name]))
+            if learner.demonstrations is not None and len(learner.demonstrations) > 1:
                 ambiguities.append(ambiguity(trial, learner.grid, learner.demonstrations))
         if not parts:
             raise InputError("evaluate", "trials", "need a route of the scenario that was demonstrated")

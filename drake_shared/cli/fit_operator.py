@@ -1,4 +1,4 @@
-"""``drake-shared fit-operator``: the simulated operator that drives most like the one in recorded trials."""
+"""``drake-shared fit-operator``: fits a simulated operator to recorded trials."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _UNITS = {"skill": "", "delay": "s", "noise": "rad/s", "noise_time": "s", "yield
 
 @dataclasses.dataclass(kw_only=True)
 class FitOperator(Command):
-    """Fits skill, delay, noise and yielding of a simulated operator to recorded drives, and says how well."""
+    """Fits skill, delay, noise and yielding of a simulated operator to recorded trials, with intervals."""
 
     logs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Logs of trials of one operator in one scenario, each with the route that was meant."""
+    """Logs of trials of one operator in one scenario, each with its intended route."""
     json: bool = False
     """Print everything as one JSON object."""
 
@@ -42,7 +42,7 @@ class FitOperator(Command):
 
 
 def print_fit(fit: OperatorFit, settings: dict[str, Any]) -> None:
-    """Writes a fit as a table, for people.
+    """Prints a fit as a table.
 
     Args:
         fit: What was fitted.

@@ -11,7 +11,7 @@ import tyro
 
 from drake_shared.arbitration.authority import Authority
 from drake_shared.cli.command import Command
-from drake_shared.cli.common import load_learner_for, print_json, say
+from drake_shared.cli.common import learner_of_log, print_json, say
 from drake_shared.common.errors import InputError
 from drake_shared.simulation.config import SharedControlConfig, config_for, load_config
 
@@ -54,7 +54,7 @@ class Replay(Command):
 
         trial = read_log(self.log)
         check_target(self.out)
-        learner = self._learner(trial.metadata)
+        learner = learner_of_log(trial.metadata, self.model)
         if self.arbitration is not None or self.config is not None:
             self._play(trial, learner)
             return
@@ -105,26 +105,6 @@ class Replay(Command):
             print(note)
             _print_measures(measures)
         say(f"wrote {self.out}")
-
-    def _learner(self, metadata: Mapping[str, Any]) -> Learner | None:
-        from drake_shared.common.files import models_directory
-        from drake_shared.learners import load_learner
-
-        if self.model is not None:
-            return load_learner_for(metadata["scenario"]["name"], self.model)
-        if metadata.get("learner_id") is None:
-            return None
-        for file in sorted((models_directory() / "learners").glob("*.safetensors")):
-            learner = load_learner(file)
-            if learner.metadata.get("id") == metadata["learner_id"]:
-                return learner
-        named = metadata.get("learner_file")
-        if named is not None and Path(named).is_file():
-            learner = load_learner(named)
-            if learner.metadata.get("id") == metadata["learner_id"]:
-                return learner
-            raise InputError(named, "", "is no longer the learner of this log; give another with --model")
-        return None
 
 
 def _print_measures(measures: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""``drake-shared reproduce``: the experiments of the paper and those around them, and their report."""
+"""``drake-shared reproduce``: the experiments of the paper and further ones, and their report."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from drake_shared.common.errors import InputError
 
 @dataclasses.dataclass(kw_only=True)
 class Reproduce(Command):
-    """Does the paper's experiments, and those that it leaves out, with simulated operators, and reports."""
+    """Runs the paper's experiments and further ones with simulated operators, and writes a report."""
 
     out: Path
     """Folder for the report and for the results of every task; must be empty or new."""
     quick: bool = False
-    """Few repeats: minutes in place of more than an hour, and intervals as wide as that makes them."""
+    """Few repeats: minutes instead of more than an hour, with wider intervals."""
     scenario: str | None = None
     """Scenario file, or the name of a shipped one."""
     only: tuple[str, ...] = ()
     """Names of experiments; default: all."""
     workers: int | None = None
-    """Processes of this machine; the results do not depend on it. Default: one for each processor."""
+    """Number of processes; the results do not depend on it. Default: one for each processor."""
     cluster: str | None = None
-    """Address of a Dask scheduler (extra cluster), such as tcp://host:8786, to use in their place."""
+    """Address of a Dask scheduler (extra cluster), such as tcp://host:8786, to use instead."""
     resume: bool = False
-    """Go on with the run that is in the folder."""
+    """Continue the run that is in the folder."""
     force: bool = False
-    """Begin anew in place of what is in the folder."""
+    """Overwrite the run that is in the folder."""
     json: bool = False
     """Print claims and verdicts as one JSON object."""
 

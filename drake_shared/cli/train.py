@@ -29,23 +29,23 @@ class Train(Command):
     scenario: str | None = None
     """Scenario file, or the name of a shipped one; scores by clearance need its obstacles."""
     learner: str = "cnmp"
-    """"cnmp", "mixture" (tells ways apart), "cesn" (an echo state network, trained in seconds), "promp"
-    (extra baselines), or one that others register."""
+    """"cnmp", "mixture" (one expert per route), "cesn" (an echo state network, trained in seconds), "promp"
+    (extra baselines), or a registered one."""
     preset: Literal["default", "paper"] = "default"
-    """What works best, or the paper to the letter."""
+    """What works best, or the method of the paper."""
     score: str | None = None
     """How demonstrations are scored: "clearance", a column of the files, or "module:function" of the
-    positions (n, 2). Default: the scores in the files; where there are none, all count alike."""
+    positions (n, 2). Default: the scores in the files; where there are none, all have the same weight."""
     unweighted: bool = False
-    """Draw all demonstrations alike, whatever their scores."""
+    """Sample all demonstrations with the same probability, whatever their scores."""
     seed: int = 0
-    """Of the first weights and of everything drawn."""
+    """Seed of the initial weights and of all sampling."""
     members: int = 1
-    """More than one trains an ensemble of a "cnmp", whose disagreement widens the prediction."""
+    """More than one trains an ensemble of a "cnmp", whose disagreement adds to the variance."""
     seconds: float | None = None
-    """Plans the iterations for this time and stops by then."""
+    """Time limit of the training, in s, for which the iterations are planned."""
     iterations: int | None = None
-    """In place of the preset's; the same number gives the same learner."""
+    """Number of iterations; default: the preset's."""
     show_weights: Path | None = None
     """Write a figure of scores and sampling weights here (PNG), as in the paper's Fig. 5."""
     json: bool = False
@@ -111,7 +111,7 @@ class Train(Command):
 
             expected = load_scenario(self.scenario).name
         demonstrations = read_demonstrations(self.demos, scenario=expected, score_column=column)
-        if self.score == "clearance" or (self.score is None and self._half_scored(demonstrations)):
+        if self.score == "clearance" or (self.score is None and self._lacks_scores(demonstrations)):
             from drake_shared.scenario import clearance_scorer, load_scenario
 
             scenario = load_scenario(self.scenario or demonstrations.scenario)
@@ -121,6 +121,6 @@ class Train(Command):
         return demonstrations
 
     @staticmethod
-    def _half_scored(demonstrations: Demonstrations) -> bool:
-        """Whether some have scores and others, logs, say, not: then all are scored alike."""
+    def _lacks_scores(demonstrations: Demonstrations) -> bool:
+        """Whether some demonstrations, such as logs, have no score, so that all are scored by clearance."""
         return demonstrations.scores is None and demonstrations.scenario is not None

@@ -1,4 +1,4 @@
-"""What does not move in the picture of a task: floor, start, goal, camera, and the way driven."""
+"""Draws what does not move in Meshcat: floor, workspace, start, goal, camera, and the path of a trial."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ _FLOOR = Rgba(0.98, 0.98, 0.97, 1.0)
 _BORDER = Rgba(0.62, 0.64, 0.66, 1.0)
 _START = Rgba(0.80, 0.25, 0.22, 1.0)
 _GOAL = Rgba(0.10, 0.62, 0.38, 1.0)
-_WAY = Rgba(0.25, 0.27, 0.30, 1.0)
+_PATH = Rgba(0.25, 0.27, 0.30, 1.0)
 GHOST = Rgba(0.70, 0.52, 0.20, 1.0)
-"""Of a way that is there to compare with."""
+"""Colour of a path that is shown for comparison."""
 
 
 def draw_scene(meshcat: Meshcat, scenario: Scenario) -> None:
-    """Draws floor, workspace, start (red) and goal (green) of ``scenario``, and looks at it from above."""
+    """Draws floor, workspace, start (red) and goal (green) of ``scenario``, and sets the light."""
     space = scenario.workspace
     width, depth = space.x_max - space.x_min, space.y_max - space.y_min
     middle = np.array([(space.x_min + space.x_max) / 2, (space.y_min + space.y_max) / 2])
@@ -42,14 +42,20 @@ def draw_scene(meshcat: Meshcat, scenario: Scenario) -> None:
     meshcat.SetProperty("/Background", "visible", True)
     for end in ("top_color", "bottom_color"):
         meshcat.SetProperty("/Background/<object>", end, [0.90, 0.91, 0.92])
-    # Even light: from straight above a lamp only paints a bright spot on the floor.
+    # Even light: seen from above, a lamp paints a bright spot on the floor.
     for lamp in ("PointLightNegativeX", "PointLightPositiveX", "SpotLight", "FillLight"):
         meshcat.SetProperty(f"/Lights/{lamp}", "visible", False)
     meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 2.7)
 
 
 def look_from_above(meshcat: Meshcat, scenario: Scenario, *, margin: float = 0.1) -> None:
-    """A view from straight above, x to the right and y up, with ``margin`` m around the workspace."""
+    """Sets an orthographic view from above, x to the right and y up.
+
+    Args:
+        meshcat: Shows the scenario.
+        scenario: Gives the workspace.
+        margin: Space around the workspace, in [m].
+    """
     space = scenario.workspace
     meshcat.Set2dRenderMode(
         RigidTransform([0, 0, 5]),
@@ -60,8 +66,15 @@ def look_from_above(meshcat: Meshcat, scenario: Scenario, *, margin: float = 0.1
     )
 
 
-def draw_path(meshcat: Meshcat, positions: np.ndarray, name: str = "way", colour: Rgba = _WAY) -> None:
-    """Draws the way driven, ``positions`` (n, 2) in [m]; nothing for less than two points."""
+def draw_path(meshcat: Meshcat, positions: np.ndarray, name: str = "path", colour: Rgba = _PATH) -> None:
+    """Draws a path on the floor; fewer than two points delete it.
+
+    Args:
+        meshcat: Shows the path.
+        positions: Shape (n, 2), in [m], world frame.
+        name: Of the path in Meshcat.
+        colour: Of the line.
+    """
     if len(positions) < 2:
         meshcat.Delete(name)
         return

@@ -36,7 +36,7 @@ def test_the_page_shows_robot_obstacles_goal_path_and_prediction(page):
         b"second_drawn",
         b"scene_drawing/goal",
         b"scene_drawing/start",
-        b"/way",
+        b"/drake/path",
         b"intention/path/0/mean",
         b"intention/path/29/spread",
         b"intention/halo/human",

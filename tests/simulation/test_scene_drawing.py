@@ -62,6 +62,6 @@ def test_the_view_from_above_holds_the_workspace_and_a_margin(meshcat, scenario)
 def test_the_way_is_a_line_through_the_positions(meshcat):
     positions = np.array([[0.0, 0.0], [1.0, 0.5], [2.0, 0.0]])
     draw_path(meshcat, positions)
-    np.testing.assert_array_equal(meshcat.lines["way"][:2], positions.T)
+    np.testing.assert_array_equal(meshcat.lines["path"][:2], positions.T)
     draw_path(meshcat, positions[:1])
-    assert "way" not in meshcat.lines
+    assert "path" not in meshcat.lines
