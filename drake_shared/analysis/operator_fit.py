@@ -167,7 +167,7 @@ def _jackknife(value: float, others: Sequence[float]) -> Estimate:
 
 
 def _simulated(trial: Trial) -> bool:
-    return trial.metadata.get("operator") == SurrogateOperator.__name__
+    return bool(trial.metadata.get("operator") == SurrogateOperator.__name__)
 
 
 def _check(trials: Sequence[Trial], names: Sequence[str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 from drake_shared.common.errors import InputError
 
@@ -68,6 +69,6 @@ class Behaviour:
             if getattr(self, name) > 1:
                 raise InputError("operator", name, "must be at most 1", getattr(self, name))
 
-    def __deepcopy__(self, memo: dict) -> Behaviour:
+    def __deepcopy__(self, memo: dict[int, Any]) -> Behaviour:
         # Frozen, and Drake copies the parameters of a Context often.
         return self

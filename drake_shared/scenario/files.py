@@ -61,7 +61,7 @@ def _read_scenario(text: str, *, source: str | os.PathLike[str]) -> Scenario:
     """Reads and checks the scenario of a YAML text."""
     text += "\n"  # yaml_load_typed takes an empty text for a missing argument.
     try:
-        scenario = yaml_load_typed(schema=Scenario, data=text)
+        scenario: Scenario = yaml_load_typed(schema=Scenario, data=text)
     except Exception as error:  # It raises RuntimeError, yaml.YAMLError, TypeError and others.
         raise InputError(source, _field_at_fault(text), f"cannot be read: {error}") from error
     for item in scenario.obstacles:

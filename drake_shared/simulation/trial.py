@@ -211,7 +211,8 @@ class RunningTrial:
     @property
     def time(self) -> float:
         """Since the start of the trial, in [s]."""
-        return self.root.get_time()
+        time: float = self.root.get_time()
+        return time
 
     @property
     def reached(self) -> bool:

@@ -99,7 +99,8 @@ class ChannelFault(LeafSystem):
             arrived = np.flatnonzero(samples[:, 0] <= now + self._slack)
             if arrived.size:
                 return samples[arrived[0], 1:]
-        return context.get_discrete_state(self._held_index).value()
+        held: np.ndarray = context.get_discrete_state(self._held_index).value()
+        return held
 
     def _calc_received(self, context: Context, output: BasicVector) -> None:
         if context.get_discrete_state(self._drawn_index)[2] < self._nan:

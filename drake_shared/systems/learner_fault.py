@@ -76,10 +76,11 @@ class LearnerFault(LeafSystem):
         DeclareDiscreteUpdate(self, period=period, update=self._update)
 
     def _step(self, context: Context) -> int:
-        return round(context.get_time() / self._period)
+        time: float = context.get_time()
+        return round(time / self._period)
 
     def _is_nan(self, context: Context) -> bool:
-        return context.get_discrete_state(self._drawn_index)[0] < self._nan
+        return bool(context.get_discrete_state(self._drawn_index)[0] < self._nan)
 
     def _arrived(self, context: Context) -> tuple[Intention, float]:
         # Selected by step, not by place: the update of this step, which runs between log and plant, must not

@@ -206,7 +206,8 @@ class MouseInput(LeafSystem):
         # The first sample differs from the initial memory: it is an event only if a driver is there.
         if changed and (sample.engaged or engagement != _NO_ENGAGEMENT):
             return 0.0
-        return context.get_discrete_state(self._idle)[0] + self._period
+        idle: float = context.get_discrete_state(self._idle)[0] + self._period
+        return idle
 
     def _moved_stick(self, context: Context, sample: MouseSample) -> tuple[float, float]:
         """The stick, forward and to the left, after the displacement since the last sample."""

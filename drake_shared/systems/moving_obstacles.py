@@ -72,7 +72,7 @@ def AddMovingObstacles(
     moving = [item for item in obstacles if item.path]
     if not moving:
         return None
-    system = builder.AddSystem(MovingObstacles(obstacles=moving, scene_graph=scene_graph))
+    system: MovingObstacles = builder.AddSystem(MovingObstacles(obstacles=moving, scene_graph=scene_graph))
     builder.Connect(
         system.get_geometry_pose_output_port(), scene_graph.get_source_pose_port(system.source_id())
     )

@@ -126,7 +126,8 @@ class RobotDynamics:
 
     def state(self) -> np.ndarray:
         """Shape (n,): positions and velocities of the robot."""
-        return self._plant.GetPositionsAndVelocities(self._context, self._robot)
+        state: np.ndarray = self._plant.GetPositionsAndVelocities(self._context, self._robot)
+        return state
 
     def move_obstacles(self, time: float) -> None:
         """Puts moving obstacles at their places at ``time``, in [s], with the velocity of the next step."""

@@ -161,4 +161,5 @@ def _path(obstacle: Obstacle) -> ObstaclePath:
 
 
 def _query_distances(query: QueryObject, x: float, y: float, distance: float) -> list[SignedDistanceToPoint]:
-    return query.ComputeSignedDistanceToPoint(np.array([x, y, 0.0]), distance)
+    found: list[SignedDistanceToPoint] = query.ComputeSignedDistanceToPoint(np.array([x, y, 0.0]), distance)
+    return found

@@ -90,8 +90,10 @@ class TorchNetwork(torch.nn.Module):
             variance = 1.0 / (1.0 + precision)
             code = torch.cat([variance * precision * mean, variance], dim=1)
         if self.precompute:
-            return self.decoder[1:](self.by_time + functional.linear(code, self.by_code))
-        return self.decoder(torch.cat([code.expand(len(self.by_time), -1), self.by_time], dim=1))
+            output: torch.Tensor = self.decoder[1:](self.by_time + functional.linear(code, self.by_code))
+        else:
+            output = self.decoder(torch.cat([code.expand(len(self.by_time), -1), self.by_time], dim=1))
+        return output
 
 
 def make_published(model: CnmpLearner, first: int) -> Network:

@@ -63,7 +63,8 @@ class PlainCnmp:
         with torch.no_grad():
             mask, queries = torch.ones(len(observed), 1), self._times.expand(len(observed), -1)
             mean, _ = self._forward(observed, mask, queries)
-        return mean.numpy().astype(float) * self._scale + self._middle
+        predicted: NDArray[np.float64] = mean.numpy().astype(float) * self._scale + self._middle
+        return predicted
 
     def _step(self) -> None:
         count, length = self._paths.shape[:2]
@@ -74,7 +75,8 @@ class PlainCnmp:
         queried = torch.randint(length, (BATCH, QUERIES), generator=self._generator)
         observed = torch.cat([self._times[when][..., None], self._paths[chosen, when]], dim=-1)
         mean, sigma = self._forward(observed, mask, self._times[queried])
-        loss = -torch.distributions.Normal(mean, sigma).log_prob(self._paths[chosen, queried]).mean()
+        density = torch.distributions.Normal(mean, sigma)
+        loss = -density.log_prob(self._paths[chosen, queried]).mean()  # type: ignore[no-untyped-call]
         self._optimizer.zero_grad()
         loss.backward()
         self._optimizer.step()

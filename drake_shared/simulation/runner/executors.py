@@ -144,7 +144,8 @@ def _cluster_pool(client: Any, address: str) -> Pool:
     def submit(task: Task) -> Future[Outcome]:
         if client.status != "running":
             raise BrokenExecutor(f"the connection to {address} was lost")
-        return pool.submit(run_task_on_cluster, task)
+        future: Future[Outcome] = pool.submit(run_task_on_cluster, task)
+        return future
 
     return Pool(
         submit=submit, queue_size=1000, check=lambda: _check_workers(client, address, RESTART_TIMEOUT)

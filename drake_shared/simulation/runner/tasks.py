@@ -73,7 +73,8 @@ class Task:
             raise InputError("task", "function", f"must be in an existing module ({error})") from error
         if not callable(function):
             raise InputError("task", "function", f"must be a function of {self.module}", name)
-        return function
+        found: Callable[..., Any] = function
+        return found
 
     def run(self) -> Any:
         """Calls the function and returns its value as it would be read from a file."""
