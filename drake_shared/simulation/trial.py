@@ -276,7 +276,7 @@ def _goal_check(scenario: Scenario, parts: SharedControl, log: VectorLog) -> Cal
     goal, radius = scenario.goal.position(names), scenario.goal.radius
 
     def is_at_goal() -> bool:
-        last = log.data()[:, -1]
+        last = log.data()[:, -1].tolist()
         return math.hypot(*[last[row] - x for row, x in zip(rows, goal, strict=True)]) <= radius
 
     return is_at_goal

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, DiscreteValues, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, ValueProducer
 
 from drake_shared.arbitration.authority import (
     Authority,
@@ -116,20 +115,21 @@ class ConfidenceBlender(Arbiter):
         return "hands_off" if is_hands_off(self._authority, state) else None
 
     def DoCalcWeight(self, context: Context) -> float:
-        """w, from 0 to 1."""
-        if self._authority is None:
-            return confidence_weight(self.confidence(context))
-        state: AuthorityState = self._state_cache.Eval(context)
-        return state.weight
+        """w = 1 - c_f, from 0 to 1."""
+        return confidence_weight(self.confidence(context))
 
-    def DoCalcCommand(
-        self, context: Context, weight: float, human: Sequence[float], autonomous: Sequence[float]
-    ) -> Sequence[float]:
-        """The blend, or as near to it as the command rate allows."""
+    # With an authority one cache entry holds weight and command, for every driver.
+    def _calc_weight(self, context: Context, output: BasicVector) -> None:
         if self._authority is None:
-            return blend(weight, human, autonomous)
-        state: AuthorityState = self._state_cache.Eval(context)
-        return state.command
+            super()._calc_weight(context, output)
+        else:
+            output[0] = self._state_cache.Eval(context).weight
+
+    def _calc_command(self, context: Context, output: BasicVector) -> None:
+        if self._authority is None:
+            super()._calc_command(context, output)
+        else:
+            output.set_value(np.array(self._state_cache.Eval(context).command))
 
     def _calc_state(self, context: Context, output: Value) -> None:
         authority, period = self._authority, self.period
