@@ -195,6 +195,14 @@ def test_numbers_that_make_no_sense_are_refused(given, said):
         Authority(**given)
 
 
+def test_a_log_holds_the_parameters_of_an_enabled_authority_and_none_of_a_disabled_one():
+    kept = Authority(floor=0.3).to_json()
+    assert kept is not None
+    assert kept["floor"] == 0.3
+    assert set(kept) == {field.name for field in dataclasses.fields(Authority)} - {"enabled"}
+    assert Authority(enabled=False).to_json() is None
+
+
 @pytest.mark.parametrize(
     "given",
     [
