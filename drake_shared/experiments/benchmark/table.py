@@ -20,7 +20,7 @@ def describe(report: Report) -> Iterator[str]:
     for name, group in report.groups.items():
         yield f"\n{name}: median (10 to 90% of repeats)"
         for label, value, note in _rows(group):
-            yield f"  {label:58s} {value:>9s}  {note}".rstrip()
+            yield f"  {label:66s} {value:>9s}  {note}".rstrip()
 
 
 def _rows(group: GroupResult) -> Iterator[tuple[str, str, str]]:
