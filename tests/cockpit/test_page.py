@@ -392,7 +392,9 @@ def test_the_end_of_the_program_is_shown(browser_context, start_cockpit, short_f
 
 
 def test_a_simulated_operator_is_watched(browser_context, start_cockpit, scenario, route_learner):
-    cockpit = start_cockpit(scenario, route_learner(scenario, variance=np.nan), operator="surrogate")
+    learner = route_learner(scenario)
+    cockpit = start_cockpit(scenario, learner, operator="surrogate")
+    learner.variance = np.nan
     page = Page(browser_context, cockpit).open()
     page.wait_for_text(STATUS, "The learner outputs NaN: the human drives alone")
     assert not page.page.is_visible("#drive")
