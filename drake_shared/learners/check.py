@@ -65,7 +65,7 @@ def check_prediction(mean: Array, variance: Array, shape: tuple[int, int], *, so
     if mean.shape != shape or variance.shape != shape:
         got = f"{mean.shape} and {variance.shape}"
         raise InputError(source, "predict", f"must return mean and variance of shape {shape}", got)
-    if variance.size and variance.min() <= 0.0:
+    if variance.size and np.minimum.reduce(variance, axis=None) <= 0.0:
         raise InputError(source, "predict", "must return a positive variance", variance.min())
 
 

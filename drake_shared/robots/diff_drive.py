@@ -151,7 +151,8 @@ class DiffDrive:
 
         NaN if either hardly moves.
         """
-        lever, least = scaled_length(self, _LEVER), scaled_length(self, _LEAST_SPEED)
+        scale = scaled_length(self, 1.0)
+        lever, least = scale * _LEVER, scale * _LEAST_SPEED
         speed, yaw_rate = self.twist(*a)
         other_speed, other_yaw_rate = self.twist(*b)
         turn, other_turn = lever * yaw_rate, lever * other_yaw_rate

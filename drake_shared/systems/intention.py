@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from drake_shared.learners import Modes
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+# Not frozen: that would double the time in which one is made, which happens in every step.
+@dataclasses.dataclass(kw_only=True, eq=False)
 class Intention:
-    """The trajectory that the person is expected to follow.
+    """The trajectory that the person is expected to follow; to be read only, since systems share it.
 
     Attributes:
         time: Time now on the clock of ``times``, in [s]: since the start of the trial, or the progress along

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, OutputPort
 
+from drake_shared.common.errors import InputError, RunError
 from drake_shared.learners import Learner, confidence
 from drake_shared.robots import DiffDrive, Robot, check_robot, scaled_length
 from drake_shared.systems.discrete_update import DeclareDiscreteUpdate, check_positive
@@ -21,7 +22,7 @@ from drake_shared.systems.prepared_learner import MOMENTS, PreparedLearner
 _LEAST_DISTANCE = 0.05
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+@dataclasses.dataclass(kw_only=True, eq=False)
 class _Estimate(Intention):
     """An intention with the values of the other outputs and of the state.
 
@@ -209,7 +210,11 @@ class IntentionEstimator(LeafSystem):
                 now + self._reach if prepared.clock is None else prepared.clock.advance(now, *pointed)
             )
             positions.append(pointed)
-        predictions, modes = prepared.predict(times, positions, later, now=context.get_time())
+        try:
+            predictions, modes = prepared.predict(times, positions, later)
+        except Exception as error:  # Learners from outside this package may raise anything.
+            reason = str(error) if isinstance(error, InputError) else f"{prepared.source} raised {error!r}"
+            raise RunError(f"{reason}, at t = {context.get_time():.3f} s") from error
         mean, variance = predictions[0]
         whole_mean = prepared.padded(mean)
         expected = whole_mean.take(prepared.moments)

@@ -8,7 +8,7 @@ from bisect import bisect_right
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_shared.common.errors import InputError, RunError
+from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import ProgressClock
 from drake_shared.learners import Learner, Modes, MultimodalLearner, PrefixLearner, check_prediction
 from drake_shared.learners.base import Prediction
@@ -38,6 +38,7 @@ class PreparedLearner:
 
     def __init__(self, learner: Learner, robot: Robot, *, use_human_command: bool = True) -> None:
         self.learner = learner
+        self.source = f"learner {learner.name!r}"
         self.grid = np.asarray(learner.grid)
         self.duration = float(self.grid[-1])
         self._times = self.grid.tolist()
@@ -60,7 +61,7 @@ class PreparedLearner:
         self._unknown = np.full((len(self.grid), size), math.nan)
 
     def predict(
-        self, times: list[float], positions: list[tuple[float, ...]], later: Array, *, now: float
+        self, times: list[float], positions: list[tuple[float, ...]], later: Array
     ) -> tuple[list[Prediction], Modes | None]:
         """Predictions after the first observation, after the first two, and so on.
 
@@ -68,38 +69,31 @@ class PreparedLearner:
             times: Of the observations, in [s].
             positions: Positions (D,) of the observations, in [m].
             later: Shape (Q,), query times, in [s].
-            now: Time in the trial, in [s], for the message of an error.
 
         Returns:
             Mean (Q, D), in [m], and variance (Q, D), in [m^2], of each prediction; the modes after all
             observations, if the learner predicts several.
 
         Raises:
-            RunError: The learner raised an exception, or its prediction has another shape, a variance that is
-                not positive, or shares memory with another one.
+            InputError: The last prediction, which stands for all, has another shape or a variance that is not
+                positive, or shares memory with the first one.
         """
-        source = f"learner {self.learner.name!r} at t = {now:.3f} s"
-        try:
-            predictions, modes = self._predict(np.array(times), np.array(positions), later)
-            for mean, variance in predictions:
-                check_prediction(mean, variance, (len(later), self._size), source=source)
-        except InputError as error:
-            raise RunError(str(error)) from error
-        except Exception as error:  # Learners from outside this package may raise anything.
-            raise RunError(f"{source} raised {type(error).__name__}: {error}") from error
-        if len(predictions) > 1 and np.may_share_memory(predictions[0][0], predictions[1][0]):
-            raise RunError(f"{source} must return new arrays, not views of a work buffer")
-        return predictions, modes
-
-    def _predict(self, times: Array, positions: Array, later: Array) -> tuple[list[Prediction], Modes | None]:
+        seen_times, seen = np.array(times), np.array(positions)
         counts = range(1, len(times) + 1)
+        modes = None
         if self._multimodal is not None:
             predict = self._multimodal.predict_modes
-            predictions = [predict(times[:n], positions[:n], later) for n in counts]
-            return [(mean, variance) for mean, variance, _ in predictions], predictions[-1][2]
-        if self._prefix is not None:
-            return self._prefix.predict_prefixes(times, positions, later), None
-        return [self.learner.predict(times[:n], positions[:n], later) for n in counts], None
+            every = [predict(seen_times[:n], seen[:n], later) for n in counts]
+            predictions, modes = [(mean, variance) for mean, variance, _ in every], every[-1][2]
+        elif self._prefix is not None:
+            predictions = self._prefix.predict_prefixes(seen_times, seen, later)
+        else:
+            predictions = [self.learner.predict(seen_times[:n], seen[:n], later) for n in counts]
+        mean, variance = predictions[-1]
+        check_prediction(mean, variance, (len(later), self._size), source=self.source)
+        if len(predictions) > 1 and np.may_share_memory(predictions[0][0], mean):
+            raise InputError(self.source, "predict", "must return new arrays, not views of a buffer")
+        return predictions, modes
 
     def first_after(self, now: float) -> int:
         """Index of the first query later than ``now``, in [s]; the last index if there is none."""
