@@ -135,3 +135,35 @@ def test_refuses_a_mode_that_is_none():
     dut = ConfidenceBlender()
     with pytest.raises(ValueError, match="driver"):
         dut.SetDriver(dut.CreateDefaultContext(), "both")
+
+
+@pytest.mark.parametrize(
+    ("human", "idle_time", "steps", "reason"),
+    [
+        ([5.0, 5.0], 0.0, 40, None),
+        ([0.0, 0.0], 1.5, 1, "hands_off"),
+        ([-5.0, -5.0], 0.0, 40, "conflict"),
+    ],
+)
+def test_the_reason_for_giving_up_control_is_hands_off_or_a_conflict(step, human, idle_time, steps, reason):
+    dut = ConfidenceBlender(authority=Authority(conflict_time=1.0, hands_off_time=1.0))
+    context = dut.CreateDefaultContext()
+    inputs = {
+        "human_command": human,
+        "autonomous_command": [5.0, 5.0],
+        "confidence": [1.0],
+        "idle_time": [idle_time],
+    }
+    for name, value in inputs.items():
+        dut.GetInputPort(name).FixValue(context, value)
+    for _ in range(steps):
+        step(dut, context)
+    assert dut.release_reason(context) == reason
+    for driver in ("human", "agent"):
+        dut.SetDriver(context, driver)
+        assert dut.release_reason(context) is None
+
+
+def test_without_an_authority_control_is_never_given_up():
+    dut = ConfidenceBlender()
+    assert dut.release_reason(dut.CreateDefaultContext()) is None
