@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from typing import Any
 
-_HEADING = re.compile(r"^(?P<indent> *)(?P<name>Inputs|Outputs|State|Parameters|Returns)(?P<remark> .+)?:$")
+_HEADING = re.compile(
+    r"^(?P<indent> *)(?P<name>Inputs|Outputs|State|Parameters|Returns)(?P<remark>[ ,].+)?:$"
+)
 _ENTRY = re.compile(r"^[a-z]\w*(, \w+)*( \([^)]*\))?: ")
 
 
@@ -20,7 +22,7 @@ def prepare(_app: Any, _what: str, _name: str, _object: object, _options: Any, l
         heading = _HEADING.match(lines[index])
         if heading is None:
             continue
-        indent, name, remark = heading["indent"], heading["name"], (heading["remark"] or "").strip(" ()")
+        indent, name, remark = heading["indent"], heading["name"], (heading["remark"] or "").strip(" ,()")
         if name == "Parameters":
             lines[index] = f"{indent}Context parameters:"
         elif name == "Returns":

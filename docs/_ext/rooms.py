@@ -26,7 +26,7 @@ def purpose(room: str) -> str:
     """First sentence of the docstring of a room."""
     file = ROOT / "drake_shared" / room / "__init__.py"
     text = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
-    return " ".join(text.split("\n\n")[0].split())
+    return " ".join(text.split("\n\n")[0].replace("`", "").split())
 
 
 class Rooms(Directive):
