@@ -1,4 +1,4 @@
-"""How a simulated operator drives: plain numbers, each with where it comes from."""
+"""Parameters of a simulated operator, with their sources."""
 
 from __future__ import annotations
 
@@ -8,36 +8,40 @@ from typing import Any
 
 from drake_shared.common.errors import InputError
 
-# The longest reaction delay that a simulated operator's memory for poses allows, in [s].
 LONGEST_DELAY = 1.0
+"""Longest reaction delay, in [s]: simulated operators remember poses no longer."""
 
 _SHARES = ("random_share", "lag", "yielding")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Behaviour:
-    """How a simulated operator drives.
+    """Parameters of a simulated operator.
 
     Attributes:
-        delay: From what is seen to the command, in [s]. 0.12 to 0.2 s is the visual-motor delay of people
+        delay: From seeing to the command, in [s]. 0.12 to 0.2 s is the visual-motor delay of people
             (Saunders and Knill 2005).
         noise: Standard deviation of the noise on each wheel's command, in [rad/s].
         noise_time: Time constant of the noise, in [s].
-        skill: How much of an error in direction and position is corrected; 1 is a good driver, 0 a blind one.
+        skill: Share of an error in direction and position that is corrected; 1 is a good driver, 0 a blind
+            one.
         late_start: Time before the first command, in [s].
         speed_factor: 1 takes the scenario's travel time; 1.3 is 30% faster.
-        switch_time: When the operator changes to the other route in mind, if there is one, in [s].
-        pause_time, pause: When the operator gives nothing for a while, in [s], and for how long, in [s].
-        signal_noise: Standard deviation of further noise, per size of the command: the noise of muscles
-            grows with what they do (Harris and Wolpert 1998).
-        random_share: Probability in a step of a random command in place of the one meant: the "noisy" pilot
-            of Reddy et al. 2018 (0.15).
-        lag: Probability in a step of doing as in the last one instead: their "laggy" pilot (0.8).
-        stubbornness: How much is added of the difference between what was wanted in the last step and what
-            assistance made of it: someone who fights assistance.
-        yielding: How much the hand lets go where assistance takes over: the command is multiplied by
+        switch_time: When the operator changes to the second route, if there is one, in [s].
+        pause_time, pause: When the operator stops giving commands, in [s], and for how long, in [s].
+        signal_noise: Standard deviation of further noise, relative to the command: the noise of muscles grows
+            with their activity (Harris and Wolpert 1998).
+        random_share: Probability in a step of a random command in place of the intended one: the "noisy"
+            pilot of Reddy et al. 2018 (0.15).
+        lag: Probability in a step of repeating the last command instead: their "laggy" pilot (0.8).
+        stubbornness: Share that is added of the difference between the command intended in the last step and
+            the arbiter's output: an operator who resists assistance.
+        yielding: How much the operator gives up control to assistance: the command is multiplied by
             1 - yielding (1 - w), w being the human weight of the last step. People do behave otherwise once
             assisted (arXiv 2410.00181).
+
+    Raises:
+        InputError: A value is not finite, negative, or out of its range.
     """
 
     delay: float = 0.2

@@ -1,6 +1,6 @@
 """The simulated operators by name, each with its model and source.
 
-What they do is never evidence about people.
+Their results are not evidence about people.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.scenario import Route, Scenario
 
-# Share of the travel time: half-way to the edge of the goal, and soon enough to come round what is next.
+# Share of the travel time at which a switching operator changes its route: about half-way to the goal's edge,
+# and early enough to pass the next obstacle on the other side.
 _SWITCH = 0.45
 
 
@@ -22,9 +23,9 @@ class NamedOperator:
     """A simulated operator with a name.
 
     Attributes:
-        behaviour: How the operator drives.
-        model: What the operator does, in a line.
-        source: Where the model or its numbers come from.
+        behaviour: Parameters.
+        model: What the operator does, in one line.
+        source: Of the model or its parameters.
         switches: Whether the operator changes to another route half-way.
     """
 
@@ -34,7 +35,7 @@ class NamedOperator:
     switches: bool = False
 
     def behaviour_in(self, scenario: Scenario) -> Behaviour:
-        """The behaviour, with the time of the change that suits ``scenario``."""
+        """The behaviour, with the time of the change of route in ``scenario``."""
         if not self.switches:
             return self.behaviour
         return dataclasses.replace(self.behaviour, switch_time=_SWITCH * scenario.travel_time)
@@ -44,7 +45,7 @@ OPERATORS: Mapping[str, NamedOperator] = MappingProxyType(
     {
         "primary": NamedOperator(
             behaviour=Behaviour(),
-            model="steers along a smooth route by what was seen 0.2 s ago, with a little coloured noise",
+            model="steers along a smooth route by the pose seen 0.2 s ago, with a little coloured noise",
             source="smooth start and end: Flash and Hogan 1985; delay: Saunders and Knill 2005",
         ),
         "noisy": NamedOperator(
@@ -56,11 +57,11 @@ OPERATORS: Mapping[str, NamedOperator] = MappingProxyType(
             behaviour=Behaviour(lag=0.7),
             model="repeats the last command with probability 0.7 in each step",
             source="laggy pilot of Reddy, Dragan and Levine 2018 (0.8), Yoneda et al. 2023 (0.85); "
-            "less here, where more seldom reaches the goal alone",
+            "less here, since more seldom reaches the goal alone",
         ),
         "delayed": NamedOperator(
             behaviour=Behaviour(delay=0.4),
-            model="answers what was seen 0.4 s ago",
+            model="steers by the pose seen 0.4 s ago",
             source="twice the upper end of the visual-motor delay of Saunders and Knill 2005",
         ),
         "signal-noise": NamedOperator(
@@ -70,34 +71,34 @@ OPERATORS: Mapping[str, NamedOperator] = MappingProxyType(
         ),
         "late-slow": NamedOperator(
             behaviour=Behaviour(late_start=1.0, speed_factor=0.9),
-            model="begins 1 s late and drives 10% slower",
-            source="ours: who hesitates lets the agent, which goes by time, run ahead",
+            model="starts 1 s late and drives 10% slower",
+            source="ours: a late operator lets an agent that goes by time run ahead",
         ),
         "switching": NamedOperator(
             behaviour=Behaviour(),
             model="changes to another route half-way, at 45% of the travel time",
-            source="ours: the misprediction that none of the published systems is tested with",
+            source="ours: a misprediction with which no published system is tested",
             switches=True,
         ),
         "stubborn": NamedOperator(
             behaviour=Behaviour(stubbornness=0.5),
-            model="adds half of the difference between the own wish and what assistance made of it",
-            source="ours, linear; people do answer assistance: arXiv 2410.00181",
+            model="adds half of the difference between the intended command and the arbiter's output",
+            source="ours, linear; people adapt to assistance: arXiv 2410.00181",
         ),
         "yielding": NamedOperator(
             behaviour=Behaviour(yielding=0.7),
-            model="lets go as assistance takes over, up to 70% of the command",
-            source="ours, linear; people do answer assistance: arXiv 2410.00181",
+            model="gives up to 70% of the command as assistance takes over",
+            source="ours, linear; people adapt to assistance: arXiv 2410.00181",
         ),
         "resting": NamedOperator(
             behaviour=Behaviour(pause_time=4.0, pause=2.0),
-            model="gives nothing from 4 s to 6 s, and then does what was planned",
+            model="gives no command from 4 s to 6 s, and then continues as planned",
             source="ours: hands off, as in the intervention share of arXiv 2204.07026",
         ),
         "unskilled": NamedOperator(
             behaviour=Behaviour(noise=0.75),
             model="coloured noise of 0.75 rad/s on each wheel",
-            source="ours: enough to fail alone now and then",
+            source="ours: enough to fail alone at times",
         ),
     }
 )
@@ -108,7 +109,7 @@ def named_operator(name: str) -> NamedOperator:
     """The operator of that name.
 
     Raises:
-        InputError: There is none.
+        InputError: No operator has that name.
     """
     if name not in OPERATORS:
         raise InputError("operator", "", f"must be one of {', '.join(OPERATORS)}", repr(name))
@@ -118,15 +119,15 @@ def named_operator(name: str) -> NamedOperator:
 def changes_of_route(scenario: Scenario) -> list[tuple[Route, Route]]:
     """Each route that can be left half-way for another, with the next one that can still be driven.
 
-    A route can still be driven if it passes what lies behind half-way on the same side; one that passes
-    everything alike is no change.
+    A route can still be driven if it passes the obstacles of the first half on the same sides; a route with
+    the same sides everywhere is not a change.
 
     Raises:
-        InputError: No route can be left.
+        InputError: No route can be left for another.
     """
     changes = []
     for index, route in enumerate(scenario.routes):
-        path = route.path(scenario.start)
+        path = scenario.path_of(route)
         whole = (0.0, path.length)
         behind = [
             item.name

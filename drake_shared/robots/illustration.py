@@ -1,4 +1,4 @@
-"""The looks of a robot: what its SDF file shows, on one frame of a SceneGraph."""
+"""Illustration geometry of a robot, from its SDF file, on one frame of a SceneGraph."""
 
 from __future__ import annotations
 
@@ -13,13 +13,19 @@ from drake_shared.common.errors import InputError
 
 
 def register_robot(scene_graph: SceneGraph, model: Path) -> tuple[SourceId, FrameId]:
-    """Puts everything that can be seen of an SDF model on one new frame of ``scene_graph``.
+    """Registers the illustration geometry of an SDF model on one new frame of ``scene_graph``.
 
-    The geometry is for illustration alone: it is not felt, so that distances to obstacles do not find
-    the robot itself.
+    It has no proximity role, so that distances to obstacles do not find the robot itself.
+
+    Args:
+        scene_graph: Gets a source and a frame, both named "robot".
+        model: SDF file with one model.
+
+    Returns:
+        The source, and the frame; its pose is that of the model on the floor.
 
     Raises:
-        InputError: The file cannot be parsed, or shows nothing.
+        InputError: The file cannot be parsed, or has no illustration geometry.
     """
     builder = DiagramBuilder()
     plant, reader = AddMultibodyPlantSceneGraph(builder, 0.0)
@@ -32,7 +38,7 @@ def register_robot(scene_graph: SceneGraph, model: Path) -> tuple[SourceId, Fram
     inspector = reader.model_inspector()
     source = scene_graph.RegisterSource("robot")
     frame = scene_graph.RegisterFrame(source, GeometryFrame("robot"))
-    seen = 0
+    count = 0
     for body in plant.GetBodyIndices(instance):
         X_WB = plant.EvalBodyPoseInWorld(context, plant.get_body(body))
         link = plant.GetBodyFrameIdOrThrow(body)
@@ -41,7 +47,7 @@ def register_robot(scene_graph: SceneGraph, model: Path) -> tuple[SourceId, Fram
             drawn.set_pose(X_WB @ drawn.pose())
             drawn.set_name(f"{plant.get_body(body).name()}_{drawn.name()}".replace("::", "_"))
             scene_graph.RegisterGeometry(source, frame, drawn)
-            seen += 1
-    if not seen:
-        raise InputError(model, "", "must have something to show (a <visual>)")
+            count += 1
+    if not count:
+        raise InputError(model, "", "must have illustration geometry (a <visual>)")
     return source, frame

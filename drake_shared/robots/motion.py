@@ -1,4 +1,4 @@
-"""Exact motion of a differential-drive robot whose wheels ramp to the speeds they are told."""
+"""Exact motion of a differential-drive robot whose wheels ramp to their commands."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from drake_shared.robots import DiffDrive
 # integrate it to 1e-12 of its length.
 _LARGEST_TURN = 0.1
 _nodes, _weights = np.polynomial.legendre.leggauss(3)
-# Pairs of node and weight, moved from [-1, 1] to [0, 1].
+# Pairs of node and weight, mapped from [-1, 1] to [0, 1].
 _QUADRATURE: list[tuple[float, float]] = list(
     zip((0.5 * (_nodes + 1)).tolist(), (0.5 * _weights).tolist(), strict=True)
 )
@@ -24,13 +24,14 @@ Wheels = tuple[float, float]
 def ramps(
     robot: DiffDrive, wheels: Wheels, command: Wheels, duration: float
 ) -> list[tuple[float, Wheels, Wheels]]:
-    """Cuts a step into parts of constant wheel acceleration.
+    """Divides a step into parts of constant wheel acceleration.
 
-    Each wheel goes from its speed towards the command as fast as it may and then holds it.
+    Each wheel changes its speed toward the command at its largest acceleration and then holds it.
 
     Args:
-        wheels: Speeds now, (left, right), in [rad/s].
-        command: Speeds wanted, (left, right), in [rad/s], within the limits of the wheels.
+        robot: Gives the acceleration limit.
+        wheels: Speeds at the start, (left, right), in [rad/s].
+        command: Desired speeds, (left, right), in [rad/s], within the limits of the wheels.
         duration: Of the step, in [s].
 
     Returns:
@@ -38,18 +39,18 @@ def ramps(
     """
     limit = robot.max_wheel_acceleration
     left, right = wheels
-    left_wish, right_wish = command
-    left_time, right_time = abs(left_wish - left) / limit, abs(right_wish - right) / limit
-    left_rate, right_rate = math.copysign(limit, left_wish - left), math.copysign(limit, right_wish - right)
+    left_goal, right_goal = command
+    left_time, right_time = abs(left_goal - left) / limit, abs(right_goal - right) / limit
+    left_rate, right_rate = math.copysign(limit, left_goal - left), math.copysign(limit, right_goal - right)
     parts = []
     begin = 0.0
     for end in sorted((min(left_time, duration), min(right_time, duration), duration)):
         if end > begin:
             rates = (left_rate if begin < left_time else 0.0, right_rate if begin < right_time else 0.0)
             parts.append((end - begin, (left, right), rates))
-            # What is reached is reached exactly: rounding must not leave a remainder to chase.
-            left = left_wish if end >= left_time else left + rates[0] * (end - begin)
-            right = right_wish if end >= right_time else right + rates[1] * (end - begin)
+            # A speed that is reached is set exactly, so that rounding leaves no remainder.
+            left = left_goal if end >= left_time else left + rates[0] * (end - begin)
+            right = right_goal if end >= right_time else right + rates[1] * (end - begin)
             begin = end
     return parts
 
@@ -60,25 +61,26 @@ def speeds_after(robot: DiffDrive, wheels: Wheels, command: Wheels, duration: fl
     return _approached(wheels[0], command[0], change), _approached(wheels[1], command[1], change)
 
 
-def _approached(now: float, wish: float, change: float) -> float:
-    return wish if abs(wish - now) <= change else now + math.copysign(change, wish - now)
+def _approached(now: float, goal: float, change: float) -> float:
+    return goal if abs(goal - now) <= change else now + math.copysign(change, goal - now)
 
 
 def motion(robot: DiffDrive, pose: Pose, wheels: Wheels, command: Wheels, duration: float) -> list[Pose]:
-    """Poses along one step, each after a turn of at most 0.1 rad; the last is that at its end.
+    """Poses along one step, each after a turn of at most 0.1 rad; the last one is that at its end.
 
     Positions are exact: an arc in closed form where the wheels hold their speeds, a Gauss-Legendre
     quadrature to 1e-12 of the length where they ramp.
 
     Args:
+        robot: Sizes and limits.
         pose: x, y in [m] and yaw in [rad] at the start, world frame.
         wheels: Speeds (left, right) at the start, in [rad/s].
-        command: Speeds wanted, (left, right), in [rad/s].
+        command: Desired speeds, (left, right), in [rad/s].
         duration: Of the step, in [s].
     """
     x, y, yaw = pose
     poses = []
-    for time, speed, acceleration, yaw_rate, yaw_acceleration in _one_way(robot, wheels, command, duration):
+    for time, speed, acceleration, yaw_rate, yaw_acceleration in _monotonic(robot, wheels, command, duration):
         fastest = max(abs(yaw_rate), abs(yaw_rate + yaw_acceleration * time))
         pieces = max(1, math.ceil(fastest * time / _LARGEST_TURN))
         step = time / pieces
@@ -102,12 +104,12 @@ def motion(robot: DiffDrive, pose: Pose, wheels: Wheels, command: Wheels, durati
     return poses
 
 
-def _one_way(
+def _monotonic(
     robot: DiffDrive, wheels: Wheels, command: Wheels, duration: float
 ) -> list[tuple[float, float, float, float, float]]:
     """The parts of a step as (duration, speed, acceleration, yaw rate, yaw acceleration), in [s], [m], [rad].
 
-    A part ends where the robot turns back: one that went there and back would hide how far.
+    A part ends where the robot reverses: the end of one that went forth and back would hide how far it went.
     """
     parts = []
     for time, speeds, rates in ramps(robot, wheels, command, duration):

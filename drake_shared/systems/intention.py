@@ -44,18 +44,15 @@ class Intention:
         Args:
             time: In [s]; an offset ``d`` from now is ``intention.time + d``.
         """
-        times = self.times
+        times, mean = self.times, self.mean
         after = min(max(int(times.searchsorted(time)), self.first), len(times) - 1)
-        end: list[float] = self.mean[after].tolist()
-        if after == self.first or times[after] <= time:
+        end: list[float] = mean[after].tolist()
+        end_time = times.item(after)
+        if after == self.first or end_time <= time:
             return tuple(end)
-        share = (times[after] - time) / (times[after] - times[after - 1])
-        return tuple(
-            [
-                here + share * (before - here)
-                for here, before in zip(end, self.mean[after - 1].tolist(), strict=True)
-            ]
-        )
+        share = (end_time - time) / (end_time - times.item(after - 1))
+        start = mean[after - 1].tolist()
+        return tuple([x + share * (before - x) for x, before in zip(end, start, strict=True)])
 
     def position(self, time: float) -> tuple[float, ...]:
         """Former name of `position_at`."""

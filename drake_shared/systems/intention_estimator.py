@@ -266,7 +266,8 @@ class IntentionEstimator(LeafSystem):
         estimate = self._intention_port.Eval(context)
         before = context.get_discrete_state(self._expected_index).value()
         moved = (estimate.expected - before).tolist()
-        known = [offset * offset for offset in moved if math.isfinite(offset)]
+        # The difference is NaN for NaN and infinite offsets.
+        known = [offset * offset for offset in moved if offset - offset == 0.0]
         output[0] = math.sqrt(self._size * sum(known) / len(known)) if known else 0.0
         output[1] = estimate.by_command
 

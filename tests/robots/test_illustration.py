@@ -53,8 +53,8 @@ def test_links_lie_where_the_model_puts_them(tmp_path):
     np.testing.assert_allclose(place, [0.11, 0.2, 0.3])
 
 
-def test_a_model_that_shows_nothing_is_refused(tmp_path):
-    with pytest.raises(InputError, match="must have something to show"):
+def test_a_model_without_illustration_geometry_is_refused(tmp_path):
+    with pytest.raises(InputError, match="<visual>"):
         shown(sdf(tmp_path / "m.sdf", "<link name='a'/>"))
 
 

@@ -333,3 +333,16 @@ def test_a_log_that_cannot_be_written_is_said_so(human_trial, tmp_path):
     (tmp_path / "taken").write_text("")
     with pytest.raises(InputError, match="taken must be a folder"):
         write_log(human_trial, tmp_path / "taken" / "trial.parquet")
+
+
+def test_the_representation_of_a_trial_is_short(human_trial):
+    assert len(repr(human_trial)) < 80
+    assert "two_obstacles" in repr(human_trial)
+
+
+def test_a_log_of_version_0_1_0_is_that_of_a_differential_drive(human_trial, tmp_path):
+    metadata = {name: value for name, value in human_trial.metadata.items() if name != "robot"}
+    write_log(Trial(columns=human_trial.columns, metadata=metadata), tmp_path / "old.parquet")
+    back = read_log(tmp_path / "old.parquet")
+    assert back.robot == human_trial.robot
+    np.testing.assert_array_equal(back.commands("shared"), human_trial.commands("shared"))

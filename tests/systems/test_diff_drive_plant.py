@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from pydrake.geometry import Role, SceneGraph
-from pydrake.math import RollPitchYaw
+from pydrake.geometry import Box as BoxShape, GeometryInstance, ProximityProperties, Role, SceneGraph
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_shared.common.errors import InputError
@@ -340,3 +340,33 @@ def test_a_model_that_is_none_is_refused(tmp_path):
 def test_refuses_a_period_that_means_nothing(period):
     with pytest.raises(ValueError, match="period must be positive and finite"):
         DiffDrivePlant(robot=ROBOT, period=period)
+
+
+def test_a_floor_is_no_obstacle_where_the_obstacles_are_given():
+    """A floor with a proximity role lies under every pose."""
+    builder = DiagramBuilder()
+    scene_graph = builder.AddSystem(SceneGraph())
+    obstacles = register_obstacles(scene_graph, [Circle(name="pillar", x=1.0, y=0.0, radius=0.25)])
+    floor = GeometryInstance(RigidTransform([0.0, 0.0, -0.5]), BoxShape(20.0, 20.0, 1.0), "floor")
+    floor.set_proximity_properties(ProximityProperties())
+    scene_graph.RegisterAnchoredGeometry(scene_graph.RegisterSource("floor"), floor)
+    plants = [
+        builder.AddNamedSystem(name, DiffDrivePlant(robot=SUDDEN, geometry_ids=ids))
+        for name, ids in (("all", None), ("given", obstacles))
+    ]
+    for plant in plants:
+        builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
+    root = builder.Build().CreateDefaultContext()
+    clearances = [
+        plant.get_clearance_output_port().Eval(plant.GetMyContextFromRoot(root)).item() for plant in plants
+    ]
+    assert clearances == pytest.approx([-FOOTPRINT, 1.0 - 0.25 - FOOTPRINT])
+    context = plants[1].GetMyMutableContextFromRoot(root)
+    plants[1].get_wheel_command_input_port().FixValue(context, [20.0, 20.0])
+    for _ in range(20):
+        context.get_mutable_discrete_state().SetFrom(plants[1].EvalUniquePeriodicDiscreteUpdate(context))
+    # It drives over the floor, and stops at the pillar.
+    assert plants[1].get_pose_output_port().Eval(context)[0] == pytest.approx(
+        1.0 - 0.25 - FOOTPRINT, abs=1e-5
+    )
+    assert plants[1].get_contact_output_port().Eval(context).item() == 1.0

@@ -1,4 +1,4 @@
-"""IntentionVisualizer, with a stand-in for Meshcat that notes what it is told."""
+"""IntentionVisualizer, with a stand-in for Meshcat that records its calls."""
 
 import math
 import re
@@ -6,6 +6,8 @@ import re
 import numpy as np
 import pytest
 from pydrake.common.value import Value
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
 from drake_shared.robots import DiffDrive
 from drake_shared.robots.motion import motion
@@ -77,7 +79,7 @@ def test_makes_all_objects_at_the_start_and_then_only_moves_them(bench):
     assert bench.meshcat.objects == made
 
 
-def test_dots_lie_on_the_path_expected_from_now_to_the_end(bench):
+def test_dots_lie_on_the_expected_path_from_now_to_the_end(bench):
     meshcat = bench.draw(intention=Value(expecting(first=31)))
     dots = np.array([place for path, place in meshcat.places.items() if DOT.fullmatch(path)])
     np.testing.assert_allclose(dots[:, 1], dots[:, 0] / 3, atol=1e-12)
@@ -104,7 +106,7 @@ def test_what_is_scaled_is_never_moved(bench):
     assert all(tuple(meshcat.places[path]) == moved_before[path] for path in scaled)
 
 
-def test_where_nothing_is_expected_nothing_is_shown(bench):
+def test_without_a_prediction_no_path_is_shown(bench):
     assert not bench.meshcat.visible("intention/path/0")
     assert not bench.meshcat.visible("intention/path/29")
     assert bench.draw(intention=Value(expecting())).visible("intention/path/0")
@@ -112,7 +114,7 @@ def test_where_nothing_is_expected_nothing_is_shown(bench):
 
 
 @pytest.mark.parametrize("weight", [1.0, 0.25, 0.0])
-def test_the_humans_share_of_the_disc_is_the_share_of_control(bench, weight):
+def test_the_humans_share_of_the_disc_is_the_human_weight(bench, weight):
     meshcat = bench.draw(human_weight=[weight], pose=[1.0, 2.0, 0.5])
     x, y, _ = meshcat.properties["intention/halo/human", "scale"]
     assert x * y == pytest.approx(weight, abs=1e-5)
@@ -129,7 +131,49 @@ def test_each_command_is_the_arc_on_which_it_leads_in_the_next_second(bench, nam
         np.testing.assert_allclose(meshcat.places[f"intention/{name}/{index}"][:2], [x, y], atol=1e-12)
 
 
-def test_a_command_that_is_no_number_is_hidden_until_it_is_one_again(bench):
+def test_a_command_of_nan_is_hidden(bench):
     assert not bench.draw(autonomous_command=[math.nan, math.nan]).visible("intention/autonomous")
     assert bench.meshcat.visible("intention/human")
     assert bench.draw(autonomous_command=[1.0, 1.0]).visible("intention/autonomous")
+
+
+def test_ports_but_pose_and_intention_may_be_left_open():
+    meshcat = FakeMeshcat()
+    dut = IntentionVisualizer(meshcat=meshcat, robot=ROBOT)
+    context = dut.CreateDefaultContext()
+    dut.get_pose_input_port().FixValue(context, [1.0, 2.0, 0.0])
+    dut.get_intention_input_port().FixValue(context, Value(expecting()))
+    dut.ForcedPublish(context)
+    assert meshcat.visible("intention/path/0")
+    for name in ("halo", "human", "autonomous", "shared"):
+        assert not meshcat.visible(f"intention/{name}")
+
+
+def test_it_is_added_to_a_builder_with_its_connections():
+    builder, meshcat = DiagramBuilder(), FakeMeshcat()
+    pose = builder.AddSystem(ConstantVectorSource([1.0, 2.0, 0.0]))
+    intention = builder.AddSystem(ConstantValueSource(Value(expecting())))
+    weight = builder.AddSystem(ConstantVectorSource([0.25]))
+    dut = IntentionVisualizer.AddToBuilder(
+        builder,
+        pose_port=pose.get_output_port(),
+        intention_port=intention.get_output_port(),
+        human_weight=weight.get_output_port(),
+        meshcat=meshcat,
+        robot=ROBOT,
+    )
+    diagram = builder.Build()
+    assert diagram.GetSubsystemByName("intention_visualizer") is dut
+    diagram.ForcedPublish(diagram.CreateDefaultContext())
+    assert meshcat.visible("intention/halo")
+    np.testing.assert_allclose(meshcat.places["intention/halo"][:2], [1.0, 2.0])
+
+
+def test_what_is_drawn_scales_with_the_robot():
+    small = FakeMeshcat()
+    robot = DiffDrive(footprint_radius=0.0267, wheel_radius=0.00975, track=0.033)
+    IntentionVisualizer(meshcat=small, robot=robot)
+    large = FakeMeshcat()
+    IntentionVisualizer(meshcat=large, robot=ROBOT)
+    for path, shape in large.objects.items():
+        assert small.objects[path].radius() == pytest.approx(0.1 * shape.radius())

@@ -385,3 +385,10 @@ def test_refuses_a_share_above_1(field):
 def test_refuses_a_delay_longer_than_its_memory():
     with pytest.raises(InputError, match=r"operator: delay must be at most 1\.0 s"):
         Behaviour(delay=1.01)
+
+
+def test_a_scenario_without_routes_is_refused(scenario):
+    scenario.routes = []
+    with pytest.raises(InputError) as caught:
+        SurrogateOperator(scenario=scenario)
+    assert caught.value.field == "routes"
