@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from drake_shared.common.elementwise import FLOATS, Elementwise, Real
 from drake_shared.common.errors import InputError
 
 # A command whose elements are all below this, in its own units, is no command.
@@ -80,7 +81,7 @@ class Authority:
 
 @dataclasses.dataclass(slots=True)
 class AuthorityState:
-    """What one control step passes to the next.
+    """What one control step passes to the next; arrays in place of numbers hold it for many trials.
 
     Attributes:
         weight: w.
@@ -91,12 +92,12 @@ class AuthorityState:
         command: Shape (M,), the shared command.
     """
 
-    weight: float
-    conflict_time: float
-    agreement_time: float
-    released: float
-    idle_time: float
-    command: Sequence[float]
+    weight: Real
+    conflict_time: Real
+    agreement_time: Real
+    released: Real
+    idle_time: Real
+    command: Sequence[Real]
 
     @classmethod
     def initial(cls, size: int, *, idle_time: float = math.inf) -> AuthorityState:
@@ -108,13 +109,13 @@ class AuthorityState:
         """
         return cls(1.0, 0.0, 0.0, 0.0, idle_time, [0.0] * size)
 
-    def to_list(self) -> list[float]:
+    def to_list(self) -> list[Real]:
         """Shape (5 + M,)."""
         times = [self.conflict_time, self.agreement_time, self.released, self.idle_time]
         return [self.weight, *times, *self.command]
 
     @classmethod
-    def from_list(cls, values: Sequence[float]) -> AuthorityState:
+    def from_list(cls, values: Sequence[Real]) -> AuthorityState:
         """Inverse of `to_list`."""
         weight, conflict_time, agreement_time, released, idle_time, *command = values
         return cls(weight, conflict_time, agreement_time, released, idle_time, command)
@@ -124,10 +125,11 @@ def next_times(
     authority: Authority,
     before: AuthorityState,
     *,
-    angle: float,
-    human: Sequence[float],
+    angle: Real,
+    human: Sequence[Real],
     idle_time: float | None,
     period: float,
+    xp: Elementwise = FLOATS,
 ) -> AuthorityState:
     """Updates the times of conflict, agreement and idleness by one step; weight and command stay.
 
@@ -140,54 +142,59 @@ def next_times(
         idle_time: Time since the human touched the controls, in [s]; None if it is not measured. Then the
             time counts for which the command has been zero.
         period: Duration of the step, in [s].
+        xp: For numbers or arrays.
     """
-    conflict_time = before.conflict_time + period if angle > authority.conflict_angle else 0.0
-    agreement_time = before.agreement_time + period if angle < authority.agreement_angle else 0.0
+    conflict_time = xp.where(angle > authority.conflict_angle, before.conflict_time + period, 0.0)
+    agreement_time = xp.where(angle < authority.agreement_angle, before.agreement_time + period, 0.0)
     released = before.released
     if authority.conflict_time is not None:
-        if released:
-            released = float(agreement_time < authority.agreement_time - _TIME_SLACK)
-        else:
-            released = float(conflict_time >= authority.conflict_time - _TIME_SLACK)
-    if math.isfinite(sum(human)) and max(map(abs, human)) > _ZERO_COMMAND:
-        idle = 0.0
-    else:
-        idle = before.idle_time + period if idle_time is None else idle_time
+        stays = agreement_time < authority.agreement_time - _TIME_SLACK
+        begins = conflict_time >= authority.conflict_time - _TIME_SLACK
+        released = 1.0 * xp.where(released > 0.5, stays, begins)
+    drives = xp.isfinite(sum(human)) & (xp.largest(map(abs, human)) > _ZERO_COMMAND)
+    idle = xp.where(drives, 0.0, before.idle_time + period if idle_time is None else idle_time)
     return AuthorityState(before.weight, conflict_time, agreement_time, released, idle, before.command)
 
 
-def is_hands_off(authority: Authority, state: AuthorityState) -> bool:
+def is_hands_off(authority: Authority, state: AuthorityState) -> Any:
     """Whether the human has given no command for the hands-off time."""
     time = authority.hands_off_time
     return time is not None and state.idle_time >= time - _TIME_SLACK
 
 
-def limited_weight(authority: Authority, state: AuthorityState, weight: float, period: float) -> float:
+def limited_weight(
+    authority: Authority, state: AuthorityState, weight: Real, period: float, xp: Elementwise = FLOATS
+) -> Real:
     """The weight applied in this step, where confidence alone gives ``weight``.
 
     It is at least the floor, rises to 1 after a conflict or without a human command, and moves from
     ``state.weight`` no faster than its rate.
     """
-    weight, rate = max(weight, authority.floor), authority.weight_rate
-    if state.released:
-        weight, rate = 1.0, 1.0 / authority.release_time
-    elif is_hands_off(authority, state):
-        weight, rate = 1.0, 1.0 / authority.stop_time
-    if rate is None:
-        return weight
+    released, hands_off = state.released > 0.5, is_hands_off(authority, state)
+    rate = math.inf if authority.weight_rate is None else authority.weight_rate
+    rate = xp.where(
+        released, 1.0 / authority.release_time, xp.where(hands_off, 1.0 / authority.stop_time, rate)
+    )
+    weight = xp.where(released | hands_off, 1.0, xp.maximum(weight, authority.floor))
     most = rate * period
-    return min(max(weight, state.weight - most), state.weight + most)
+    return xp.minimum(xp.maximum(weight, state.weight - most), state.weight + most)
 
 
 def limited_command(
-    authority: Authority, before: Sequence[float], command: Sequence[float], period: float
-) -> Sequence[float]:
+    authority: Authority,
+    before: Sequence[Real],
+    command: Sequence[Real],
+    period: float,
+    xp: Elementwise = FLOATS,
+) -> Sequence[Real]:
     """As far from ``before`` (M,) straight toward ``command`` (M,) as the command rate allows."""
     if authority.command_rate is None:
         return command
-    furthest = max(abs(new - old) for new, old in zip(command, before, strict=True))
+    changes = [new - old for new, old in zip(command, before, strict=True)]
+    furthest = xp.largest(map(abs, changes))
     most = authority.command_rate * period
-    if furthest <= most:
-        return command
-    share = most / furthest
-    return [old + share * (new - old) for new, old in zip(command, before, strict=True)]
+    share = most / xp.maximum(furthest, most)
+    return [
+        xp.where(furthest <= most, new, old + share * change)
+        for new, old, change in zip(command, before, changes, strict=True)
+    ]

@@ -2,27 +2,47 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
+from drake_shared.common.elementwise import FLOATS, Elementwise, Real
 
-def confidence_weight(confidence: float) -> float:
+
+def confidence_weight(confidence: Real, xp: Elementwise = FLOATS) -> Real:
     """The human's weight w = 1 - c_f; 1 where the confidence is NaN."""
-    return 1.0 if math.isnan(confidence) else 1.0 - min(max(confidence, 0.0), 1.0)
+    known = confidence == confidence
+    return xp.where(known, 1.0 - xp.minimum(xp.maximum(confidence, 0.0), 1.0), 1.0)
 
 
-def finite_weight(weight: float, autonomous: Sequence[float]) -> float:
+def traded_weight(
+    confidence: Real, agent: Real, threshold: float, margin: float, xp: Elementwise = FLOATS
+) -> Real:
+    """w of traded control: 0 where the agent drives, else 1.
+
+    Args:
+        confidence: c_f; NaN gives the human the control.
+        agent: 1 where the agent drove in the step before, else 0.
+        threshold, margin: The agent takes over where c_f is at least their sum, and gives back where it is at
+            most their difference.
+    """
+    takes, keeps = confidence >= threshold + margin, confidence > threshold - margin
+    return xp.where(xp.where(agent > 0.5, keeps, takes), 0.0, 1.0)
+
+
+def finite_weight(weight: Real, autonomous: Sequence[Real], xp: Elementwise = FLOATS) -> Real:
     """``weight``, or 1 where it or the agent's command (M,) is NaN or infinite."""
     # The sum with NaN or infinity is not finite either.
-    return weight if math.isfinite(weight + sum(autonomous)) else 1.0
+    return xp.where(xp.isfinite(weight + sum(autonomous)), weight, 1.0)
 
 
-def finite_command(command: Sequence[float]) -> Sequence[float]:
+def finite_command(command: Sequence[Real], xp: Elementwise = FLOATS) -> Sequence[Real]:
     """``command`` (M,), or zeros where it has a NaN or infinite element."""
-    return command if math.isfinite(sum(command)) else [0.0] * len(command)
+    finite = xp.isfinite(sum(command))
+    return [xp.where(finite, element, 0.0) for element in command]
 
 
-def blend(weight: float, human: Sequence[float], autonomous: Sequence[float]) -> Sequence[float]:
+def blend(
+    weight: Real, human: Sequence[Real], autonomous: Sequence[Real], xp: Elementwise = FLOATS
+) -> Sequence[Real]:
     """The command w human + (1 - w) autonomous, eq. (2).
 
     Args:
@@ -30,8 +50,8 @@ def blend(weight: float, human: Sequence[float], autonomous: Sequence[float]) ->
         human: Shape (M,); counts as zero where it is not finite.
         autonomous: Shape (M,); does not matter where w is 1.
     """
-    human = finite_command(human)
-    if weight >= 1.0:
-        return human
-    rest = 1.0 - weight
-    return [weight * own + rest * other for own, other in zip(human, autonomous, strict=True)]
+    alone, rest = weight >= 1.0, 1.0 - weight
+    return [
+        xp.where(alone, own, weight * own + rest * other)
+        for own, other in zip(finite_command(human, xp), autonomous, strict=True)
+    ]

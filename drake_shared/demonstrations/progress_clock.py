@@ -33,9 +33,16 @@ class ProgressClock:
         # One time is looked up faster in a list than in an array.
         self._times: list[float] = np.asarray(times, dtype=float).tolist()
         # Time first, so that a window of the search is one block of memory.
-        self._points = as_points(demonstrations.swapaxes(0, 1))
+        self.points = as_points(demonstrations.swapaxes(0, 1))
+        """Shape (N, m): the demonstrations, of `as_points`."""
         self._horizon = horizon
-        self._tolerance = tolerance
+        self.tolerance = tolerance
+        """As given, in [m]."""
+
+    def window(self, reached: float) -> tuple[int, int]:
+        """The points searched from the time ``reached``, in [s]: first index, and last one plus 1."""
+        first = bisect_left(self._times, reached - self._horizon)
+        return first, max(bisect_right(self._times, reached + self._horizon), first + 1)
 
     def advance(self, reached: float, *position: float) -> float:
         """The time now, in [s].
@@ -46,11 +53,10 @@ class ProgressClock:
         """
         # Points behind count too: otherwise a clock ahead of the robot takes the point it has reached for the
         # nearest, gains the tolerance at every step, and runs away from slow demonstrations.
-        first = bisect_left(self._times, reached - self._horizon)
-        last = max(bisect_right(self._times, reached + self._horizon), first + 1)
-        offsets = self._points[first:last] - as_point(position, self._points)
+        first, last = self.window(reached)
+        offsets = self.points[first:last] - as_point(position, self.points)
         distances = lengths(offsets).min(axis=1).tolist()
-        limit = min(distances) + self._tolerance
+        limit = min(distances) + self.tolerance
         for index in reversed(range(len(distances))):
             if distances[index] <= limit:
                 return max(reached, self._times[first + index])

@@ -8,6 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drake_shared.common.elementwise import FLOATS, Elementwise, Real
 from drake_shared.learners.modes import Modes
 
 Array = NDArray[np.float64]
@@ -133,12 +134,12 @@ def mean_variance(query_times: ArrayLike, variance: ArrayLike, t: float) -> floa
     return float(np.asarray(variance)[min(first, len(times) - 1) :].mean())
 
 
-def confidence(mean_variance: float, confidence_gain: float) -> float:
-    """The confidence factor c_f of eq. (1), in [0, 1]; NaN if the variance is.
+def confidence(mean_variance: Real, confidence_gain: Real, xp: Elementwise = FLOATS) -> Real:
+    """The confidence factor c_f of eq. (1), in [0, 1]; NaN where the variance is.
 
     Args:
         mean_variance: In [m^2].
         confidence_gain: K, in [1/m^2].
+        xp: For numbers or arrays.
     """
-    scaled = confidence_gain * mean_variance
-    return 1.0 if scaled <= 1.0 else 1.0 / scaled
+    return 1.0 / xp.maximum(confidence_gain * mean_variance, 1.0)

@@ -58,6 +58,15 @@ class OodVariance:
             added.append(self._gain * total / (len(added) + 1))
         return added
 
+    def table(self, times: NDArray[np.float64]) -> OodVarianceTable:
+        """The same variance for many observations at once, whose times are among ``times`` (P,)."""
+        steps = np.minimum(np.maximum(times * self._rate, 0.0), self._last + 1.0)
+        index = np.minimum(steps.astype(int), self._last)
+        share = (steps - index).reshape(-1, *[1] * (self._points.ndim - 1))
+        return OodVarianceTable(
+            share * self._steps[index] + self._points[index], reach=self._reach, gain=self._gain
+        )
+
     def _distance(self, time: float, position: list[float]) -> float:
         """Distance of a position from the nearest demonstration at ``time``, in [m]."""
         step = min(max(time * self._rate, 0.0), self._last + 1.0)
@@ -70,3 +79,33 @@ class OodVariance:
         # Demonstrations are few: a list of them has its minimum sooner than an array.
         distances: list[float] = lengths(offsets).tolist()
         return min(distances)
+
+
+class OodVarianceTable:
+    """`OodVariance` for many observations at once; made by `OodVariance.table`.
+
+    Args:
+        points: Shape (P, m), of `as_points`: where the demonstrations are at each time.
+        reach, gain: See `OodVariance`.
+    """
+
+    def __init__(self, points: NDArray[np.complex128], *, reach: float, gain: float) -> None:
+        self._points = points
+        self._reach = reach
+        self._gain = gain
+
+    def __call__(self, index: NDArray[np.int64], positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The variance to add, in [m^2], after the first observation of each row, the first two, and so on.
+
+        Args:
+            index: Shape (n, c), of the times.
+            positions: Shape (n, c, 2), in [m].
+
+        Returns:
+            Shape (n, c).
+        """
+        offsets = self._points[index] - as_points(positions)[..., None]
+        beyond = np.maximum(lengths(offsets).min(axis=-1) - self._reach, 0.0)
+        added: NDArray[np.float64] = self._gain * np.cumsum(beyond**2, axis=-1)
+        added /= np.arange(1, index.shape[-1] + 1)
+        return added

@@ -7,16 +7,31 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drake_shared.common.elementwise import FLOATS, Elementwise, Real
 from drake_shared.operators.behaviour import LONGEST_DELAY
 from drake_shared.robots import scaled_length
 from drake_shared.scenario import Scenario
-from drake_shared.scenario.paths import Path
 
-Pose = tuple[float, float, float]
+Pose = tuple[Real, Real, Real]
+
+
+class Curve(Protocol):
+    """What the law uses of a `Path`, or of one path for each of n trials, with arrays (n,) for numbers."""
+
+    @property
+    def length(self) -> Real:
+        """See `Path`."""
+
+    def frame(self, arc_length: Real) -> tuple[Real, Real, Real, Real]:
+        """See `Path`."""
+
+    def nearest(self, x: Real, y: Real, *, between: tuple[Real, Real]) -> Real:
+        """See `Path`."""
 
 
 class SteeringLaw:
@@ -48,7 +63,7 @@ class SteeringLaw:
         self._travel_time = scenario.travel_time
         self._max_speed = scenario.robot.max_speed
         scale = scaled_length(scenario.robot, 1.0)
-        self._search = self._SEARCH * scale
+        self.search = self._SEARCH * scale
         # A yaw rate per speed and offset: both grow with the robot.
         self._offset_gain = self._OFFSET_GAIN / scale**2
         start = scenario.start
@@ -69,13 +84,21 @@ class SteeringLaw:
         x, y, yaw, older_x, older_y, older_yaw = seen[first : first + 6].tolist()
         return x + share * (older_x - x), y + share * (older_y - y), yaw + share * (older_yaw - yaw)
 
-    def progress(self, path: Path, pose: Pose, reached: float) -> float:
+    def progress(self, path: Curve, pose: Pose, reached: Real) -> Real:
         """Arc length of the route, in [m], reached at ``pose`` after ``reached``, in [m]."""
-        return path.nearest(pose[0], pose[1], between=(reached, reached + self._search))
+        return path.nearest(pose[0], pose[1], between=(reached, reached + self.search))
 
     def steer(
-        self, path: Path, pose: Pose, reached: float, *, time: float, delay: float, speed_factor: float
-    ) -> tuple[float, float, float]:
+        self,
+        path: Curve,
+        pose: Pose,
+        reached: Real,
+        *,
+        time: Real,
+        delay: Real,
+        speed_factor: Real,
+        xp: Elementwise = FLOATS,
+    ) -> tuple[Real, Real, Real]:
         """Speed and yaw rate at ``pose``, which was seen ``delay`` s ago.
 
         Args:
@@ -85,35 +108,34 @@ class SteeringLaw:
             time: Since the operator started, in [s].
             delay: In [s].
             speed_factor: See :class:`drake_shared.operators.behaviour.Behaviour`.
+            xp: For numbers or arrays.
 
         Returns:
             Speed, in [m/s]; yaw rate of the route ahead at that speed, in [rad/s]; and yaw rate that corrects
             the seen errors at skill 1, in [rad/s].
         """
         x, y, yaw = pose
-        planned, pace = self._plan(path.length, time, self._travel_time / speed_factor)
+        planned, pace = self._plan(path.length, time, self._travel_time / speed_factor, xp)
         # The pose is old: the robot has moved on since.
         ahead = reached + pace * delay
         speed = pace + self._PROGRESS_GAIN * (planned - ahead)
         on_x, on_y, direction, _ = path.frame(reached)
         curvature = path.frame(ahead)[3]
-        fastest = min(self._max_speed, self._COMFORTABLE_YAW_RATE / max(abs(curvature), 1e-6))
-        speed = min(max(speed, 0.0), fastest)
-        offset = math.cos(direction) * (y - on_y) - math.sin(direction) * (x - on_x)
-        off_direction = math.remainder(direction - yaw, math.tau)
+        fastest = xp.minimum(self._max_speed, self._COMFORTABLE_YAW_RATE / xp.maximum(abs(curvature), 1e-6))
+        speed = xp.minimum(xp.maximum(speed, 0.0), fastest)
+        offset = xp.cos(direction) * (y - on_y) - xp.sin(direction) * (x - on_x)
+        off_direction = xp.remainder(direction - yaw, math.tau)
         correction = self._DIRECTION_GAIN * off_direction - self._offset_gain * speed * offset
         return speed, speed * curvature, correction
 
-    def _plan(self, length: float, time: float, travel_time: float) -> tuple[float, float]:
+    def _plan(self, length: Real, time: Real, travel_time: Real, xp: Elementwise) -> tuple[Real, Real]:
         """Planned arc length, in [m], and pace, in [m/s], at ``time``."""
         ramp = self._RAMP * travel_time
         cruise = length / (travel_time - ramp)
         to_end = travel_time - time
-        if to_end <= 0.0:
-            return length, 0.0
-        if time < ramp or to_end < ramp:
-            share = min(time, to_end) / ramp
-            gone = cruise * ramp * share**3 * (1.0 - 0.5 * share)
-            pace = cruise * share**2 * (3.0 - 2.0 * share)
-            return (gone if time < ramp else length - gone), pace
-        return cruise * (time - 0.5 * ramp), cruise
+        # 0 after the end, 1 between the ramps.
+        share = xp.maximum(xp.minimum(xp.minimum(time, to_end) / ramp, 1.0), 0.0)
+        gone = cruise * ramp * share**3 * (1.0 - 0.5 * share)
+        pace = cruise * share**2 * (3.0 - 2.0 * share)
+        before_end = xp.where(to_end < ramp, length - gone, cruise * (time - 0.5 * ramp))
+        return xp.where(time < ramp, gone, before_end), pace

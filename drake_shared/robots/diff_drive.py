@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
+from drake_shared.common.elementwise import FLOATS, Elementwise, Real
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import models_directory
 from drake_shared.robots.robot import scaled_length
@@ -25,7 +26,8 @@ class DiffDrive:
     """A differential-drive robot with a circular footprint; the defaults are the Pioneer P3-DX.
 
     Its configuration is [x, y, yaw] in [m, m, rad], world frame, its command the wheel speeds [left, right]
-    in [rad/s]. It is a `drake_shared.robots.Robot`.
+    in [rad/s]. It is a `drake_shared.robots.Robot`. Its kinematics take arrays in place of numbers too, with
+    ``xp`` as `drake_shared.common.elementwise.ARRAYS`.
     """
 
     configuration_names: ClassVar[tuple[str, ...]] = ("x", "y", "yaw")
@@ -63,20 +65,18 @@ class DiffDrive:
         """In [rad/s^2]."""
         return self.max_acceleration / self.wheel_radius
 
-    def wheel_speeds(self, speed: float, yaw_rate: float) -> tuple[float, float]:
+    def wheel_speeds(self, speed: Real, yaw_rate: Real, xp: Elementwise = FLOATS) -> tuple[Real, Real]:
         """Wheel speeds (left, right), in [rad/s], that drive at ``speed`` [m/s] and ``yaw_rate`` [rad/s].
 
         Where a wheel would be too fast both are scaled alike, which keeps the radius of the turn.
         """
         turn = 0.5 * self.track * yaw_rate
         left, right = (speed - turn) / self.wheel_radius, (speed + turn) / self.wheel_radius
-        fastest = max(abs(left), abs(right))
-        if fastest > self.max_wheel_speed:
-            scale = self.max_wheel_speed / fastest
-            return left * scale, right * scale
-        return left, right
+        limit = self.max_speed / self.wheel_radius
+        scale = limit / xp.maximum(xp.maximum(abs(left), abs(right)), limit)
+        return left * scale, right * scale
 
-    def twist(self, left: float, right: float) -> tuple[float, float]:
+    def twist(self, left: Real, right: Real) -> tuple[Real, Real]:
         """Speed, in [m/s], and yaw rate, in [rad/s], of the wheel speeds, in [rad/s]."""
         half = 0.5 * self.wheel_radius
         return half * (left + right), self.wheel_radius / self.track * (right - left)
@@ -96,19 +96,19 @@ class DiffDrive:
         x, y, _ = configuration
         return x, y
 
-    def speed(self, command: Sequence[float]) -> float:
+    def speed(self, command: Sequence[Real]) -> Real:
         """Speed along the robot's direction, in [m/s], without its sign."""
         return abs(self.twist(*command)[0])
 
     def rollout(
-        self, configuration: Sequence[float], command: Sequence[float], horizon: float
-    ) -> tuple[float, float]:
+        self, configuration: Sequence[Real], command: Sequence[Real], horizon: float, xp: Elementwise = FLOATS
+    ) -> tuple[Real, Real]:
         """Position (x, y), in [m], at the end of the arc that ``command`` drives in ``horizon`` s."""
         x, y, yaw = configuration
         speed, yaw_rate = self.twist(*command)
         half = 0.5 * yaw_rate * horizon
-        chord = speed * horizon * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
-        return x + chord * math.cos(yaw + half), y + chord * math.sin(yaw + half)
+        chord = speed * horizon * sine_ratio(half, xp)
+        return x + chord * xp.cos(yaw + half), y + chord * xp.sin(yaw + half)
 
     def stick_command(
         self, forward: float, left: float, *, max_speed: float, max_yaw_rate: float
@@ -124,8 +124,8 @@ class DiffDrive:
         return self.wheel_speeds(max_speed * forward, max_yaw_rate * left)
 
     def command_toward(
-        self, configuration: Sequence[float], target: Sequence[float], duration: float
-    ) -> tuple[float, float]:
+        self, configuration: Sequence[Real], target: Sequence[Real], duration: float, xp: Elementwise = FLOATS
+    ) -> tuple[Real, Real]:
         """Wheel speeds, in [rad/s], along the arc to ``target`` (x, y) that starts in the robot's direction.
 
         This is pure pursuit (Coulter 1992). The robot first turns to a target that lies behind it.
@@ -133,20 +133,17 @@ class DiffDrive:
         x, y, yaw = configuration
         target_x, target_y = target
         dx, dy = target_x - x, target_y - y
-        distance = math.hypot(dx, dy)
-        if not math.isfinite(distance):
-            return math.nan, math.nan
-        if distance < scaled_length(self, _AT_TARGET):
-            return 0.0, 0.0
-        bearing = math.remainder(math.atan2(dy, dx) - yaw, math.tau)
-        if abs(bearing) > 0.5 * math.pi:
-            return self.wheel_speeds(0.0, _TURN_GAIN * bearing)
+        distance = xp.hypot(dx, dy)
+        bearing = xp.remainder(xp.arctan2(dy, dx) - yaw, math.tau)
+        behind = abs(bearing) > 0.5 * math.pi
         # The chord of length d at angle b belongs to an arc of length d b/sin b and curvature 2 sin b/d.
-        turn = 2.0 * bearing / duration
-        arc = distance * (bearing / math.sin(bearing) if abs(bearing) > 1e-6 else 1.0)
-        return self.wheel_speeds(arc / duration, turn)
+        speed = xp.where(behind, 0.0, distance / sine_ratio(bearing, xp) / duration)
+        left, right = self.wheel_speeds(speed, xp.where(behind, _TURN_GAIN, 2.0 / duration) * bearing, xp)
+        moves = xp.where(distance < scaled_length(self, _AT_TARGET), 0.0, 1.0)
+        known = xp.where(xp.isfinite(distance), moves, math.nan)
+        return known * left, known * right
 
-    def conflict_angle(self, a: Sequence[float], b: Sequence[float]) -> float:
+    def conflict_angle(self, a: Sequence[Real], b: Sequence[Real], xp: Elementwise = FLOATS) -> Real:
         """Angle between two commands as twists (v, lever * yaw rate), in [rad].
 
         NaN if either hardly moves.
@@ -156,12 +153,18 @@ class DiffDrive:
         speed, yaw_rate = self.twist(*a)
         other_speed, other_yaw_rate = self.twist(*b)
         turn, other_turn = lever * yaw_rate, lever * other_yaw_rate
-        if not min(math.hypot(speed, turn), math.hypot(other_speed, other_turn)) > least:
-            return math.nan
         across = speed * other_turn - turn * other_speed
-        return abs(math.atan2(across, speed * other_speed + turn * other_turn))
+        angle = abs(xp.arctan2(across, speed * other_speed + turn * other_turn))
+        moves = (xp.hypot(speed, turn) > least) & (xp.hypot(other_speed, other_turn) > least)
+        return xp.where(moves, angle, math.nan)
 
     def model_path(self) -> Path:
         """Where the SDF file is."""
         given = Path(self.model)
         return given if given.is_file() else models_directory() / "robots" / self.model
+
+
+def sine_ratio(angle: Real, xp: Elementwise = FLOATS) -> Real:
+    """sin(angle) / angle, the ratio of a chord to its arc of twice that angle, in [rad]; 1 at 0."""
+    turns = abs(angle) > 1e-8
+    return xp.where(turns, xp.sin(angle), 1.0) / xp.where(turns, angle, 1.0)

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from drake_shared.robots import DiffDrive
+from drake_shared.common.elementwise import ARRAYS, FLOATS, Elementwise, Real
+from drake_shared.robots.diff_drive import DiffDrive, sine_ratio
 
 # Largest turn of one piece of motion, in [rad]: the chord of a piece stays close to its arc, and three nodes
 # integrate it to 1e-12 of its length.
@@ -17,8 +18,8 @@ _QUADRATURE: list[tuple[float, float]] = list(
     zip((0.5 * (_nodes + 1)).tolist(), (0.5 * _weights).tolist(), strict=True)
 )
 
-Pose = tuple[float, float, float]
-Wheels = tuple[float, float]
+Pose = tuple[Real, Real, Real]
+Wheels = tuple[Real, Real]
 
 
 def ramps(
@@ -55,14 +56,16 @@ def ramps(
     return parts
 
 
-def speeds_after(robot: DiffDrive, wheels: Wheels, command: Wheels, duration: float) -> Wheels:
+def speeds_after(
+    robot: DiffDrive, wheels: Wheels, command: Wheels, duration: float, xp: Elementwise = FLOATS
+) -> Wheels:
     """Wheel speeds (left, right), in [rad/s], at the end of a step of ``duration`` s."""
     change = robot.max_wheel_acceleration * duration
-    return _approached(wheels[0], command[0], change), _approached(wheels[1], command[1], change)
+    return _approached(wheels[0], command[0], change, xp), _approached(wheels[1], command[1], change, xp)
 
 
-def _approached(now: float, goal: float, change: float) -> float:
-    return goal if abs(goal - now) <= change else now + math.copysign(change, goal - now)
+def _approached(now: Real, goal: Real, change: float, xp: Elementwise) -> Real:
+    return xp.where(abs(goal - now) <= change, goal, now + xp.copysign(change, goal - now))
 
 
 def motion(robot: DiffDrive, pose: Pose, wheels: Wheels, command: Wheels, duration: float) -> list[Pose]:
@@ -86,22 +89,80 @@ def motion(robot: DiffDrive, pose: Pose, wheels: Wheels, command: Wheels, durati
         step = time / pieces
         for _ in range(pieces):
             if acceleration == 0.0 and yaw_acceleration == 0.0:
-                half = 0.5 * yaw_rate * step
-                chord = speed * step * (math.sin(half) / half if abs(half) > 1e-8 else 1.0)
-                x += chord * math.cos(yaw + half)
-                y += chord * math.sin(yaw + half)
+                x, y = _arc_end(x, y, yaw, speed, yaw_rate, step, FLOATS)
             else:
-                for node, weight in _QUADRATURE:
-                    at = node * step
-                    angle = yaw + (yaw_rate + 0.5 * yaw_acceleration * at) * at
-                    length = weight * step * (speed + acceleration * at)
-                    x += length * math.cos(angle)
-                    y += length * math.sin(angle)
+                x, y = _ramp_end(x, y, yaw, (speed, acceleration), (yaw_rate, yaw_acceleration), step, FLOATS)
             yaw += (yaw_rate + 0.5 * yaw_acceleration * step) * step
             speed += acceleration * step
             yaw_rate += yaw_acceleration * step
             poses.append((x, y, yaw))
     return poses
+
+
+def motion_end(robot: DiffDrive, pose: Pose, wheels: Wheels, command: Wheels, duration: float) -> Pose:
+    """The last pose of `motion`, for arrays: all arguments but ``robot`` and ``duration`` have shapes (n,).
+
+    The parts of a step are those of `ramps`; where the robot turns back makes no difference to the end.
+    """
+    x, y, yaw = pose
+    left, right = wheels
+    limit = robot.max_wheel_acceleration
+    left_time, right_time = (abs(goal - now) / limit for goal, now in zip(command, wheels, strict=True))
+    left_rate, right_rate = (
+        np.copysign(limit, goal - now) for goal, now in zip(command, wheels, strict=True)
+    )
+    first, second = np.minimum(left_time, duration), np.minimum(right_time, duration)
+    begin = np.zeros_like(x)
+    for end in (np.minimum(first, second), np.maximum(first, second), np.full_like(x, duration)):
+        time = end - begin
+        rates = np.where(begin < left_time, left_rate, 0.0), np.where(begin < right_time, right_rate, 0.0)
+        speed, yaw_rate = robot.twist(left, right)
+        acceleration, yaw_acceleration = robot.twist(*rates)
+        ramping = (acceleration != 0.0) | (yaw_acceleration != 0.0)
+        # Of a length of zero, and so without effect, where the other one applies.
+        x, y = _arc_end(x, y, yaw, speed, yaw_rate, np.where(ramping, 0.0, time), ARRAYS)
+        fastest = np.maximum(abs(yaw_rate), abs(yaw_rate + yaw_acceleration * time))
+        pieces = np.where(ramping, np.maximum(np.ceil(fastest * time / _LARGEST_TURN), 1.0), 0.0)
+        step = time / np.maximum(pieces, 1.0)
+        for piece in range(int(pieces.max())):
+            since = piece * step
+            now = yaw + (yaw_rate + 0.5 * yaw_acceleration * since) * since
+            turning = yaw_rate + yaw_acceleration * since, yaw_acceleration
+            moving = speed + acceleration * since, acceleration
+            x, y = _ramp_end(x, y, now, moving, turning, np.where(piece < pieces, step, 0.0), ARRAYS)
+        yaw = yaw + (yaw_rate + 0.5 * yaw_acceleration * time) * time
+        left = np.where(end >= left_time, command[0], left + rates[0] * time)
+        right = np.where(end >= right_time, command[1], right + rates[1] * time)
+        begin = end
+    return x, y, yaw
+
+
+def _arc_end(
+    x: Real, y: Real, yaw: Real, speed: Real, yaw_rate: Real, time: Real, xp: Elementwise
+) -> tuple[Real, Real]:
+    """The end of an arc, in closed form."""
+    half = 0.5 * yaw_rate * time
+    chord = speed * time * sine_ratio(half, xp)
+    return x + chord * xp.cos(yaw + half), y + chord * xp.sin(yaw + half)
+
+
+def _ramp_end(
+    x: Real,
+    y: Real,
+    yaw: Real,
+    forward: tuple[Real, Real],
+    turning: tuple[Real, Real],
+    time: Real,
+    xp: Elementwise,
+) -> tuple[Real, Real]:
+    """The end of a path with constant accelerations, by quadrature; speeds with their rates of change."""
+    (speed, acceleration), (yaw_rate, yaw_acceleration) = forward, turning
+    for node, weight in _QUADRATURE:
+        at = node * time
+        angle = yaw + (yaw_rate + 0.5 * yaw_acceleration * at) * at
+        length = weight * time * (speed + acceleration * at)
+        x, y = x + length * xp.cos(angle), y + length * xp.sin(angle)
+    return x, y
 
 
 def _monotonic(

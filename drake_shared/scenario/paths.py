@@ -34,8 +34,9 @@ class Path:
         """In [m]."""
         # Equidistant in arc length, so that a division finds a point.
         count = max(int(self.length / spacing), 100) + 1
-        self._spacing = self.length / (count - 1)
-        u = np.interp(np.arange(count) * self._spacing, arc, fine)
+        self.spacing = self.length / (count - 1)
+        """Between the points that represent the curve, in [m]."""
+        u = np.interp(np.arange(count) * self.spacing, arc, fine)
         self._points = curve(u)
         # As complex numbers, which numpy subtracts and measures with one call each.
         self._plane = self._points[:, 0] + 1j * self._points[:, 1]
@@ -43,13 +44,12 @@ class Path:
         ddx, ddy = curve(u, 2).T
         headings = np.unwrap(np.arctan2(dy, dx))
         curvatures = (dx * ddy - dy * ddx) / np.maximum(np.hypot(dx, dy), 1e-9) ** 3
-        self._frames = list(
-            zip(*self._points.T.tolist(), headings.tolist(), curvatures.tolist(), strict=True)
-        )
+        self.frames = list(zip(*self._points.T.tolist(), headings.tolist(), curvatures.tolist(), strict=True))
+        """Of each of these points x, y in [m], direction in [rad] and curvature in [1/m]."""
 
     def position(self, arc_length: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (n, 2) in [m] at ``arc_length`` (n,) in [m], held at the ends."""
-        arc = np.arange(len(self._points)) * self._spacing
+        arc = np.arange(len(self._points)) * self.spacing
         return np.stack([np.interp(arc_length, arc, self._points[:, axis]) for axis in (0, 1)], axis=-1)
 
     def frame(self, arc_length: float) -> tuple[float, float, float, float]:
@@ -57,15 +57,15 @@ class Path:
 
         Those of the nearest of the points that represent the curve.
         """
-        return self._frames[self._index(arc_length)]
+        return self.frames[self._index(arc_length)]
 
     def nearest(self, x: float, y: float, *, between: tuple[float, float]) -> float:
         """Arc length, in [m], of the point nearest to (``x``, ``y``), within an interval of arc lengths."""
         first, last = self._index(between[0]), self._index(between[1]) + 1
-        return (first + int(np.abs(self._plane[first:last] - complex(x, y)).argmin())) * self._spacing
+        return (first + int(np.abs(self._plane[first:last] - complex(x, y)).argmin())) * self.spacing
 
     def _index(self, arc_length: float) -> int:
-        return min(max(round(arc_length / self._spacing), 0), len(self._frames) - 1)
+        return min(max(round(arc_length / self.spacing), 0), len(self.frames) - 1)
 
 
 def passing_side(positions: NDArray[np.float64], point: tuple[float, float]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -13,15 +13,13 @@ from pydrake.geometry import FrameId, FramePoseVector, GeometryId, QueryObject, 
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, OutputPort
 
 from drake_shared.robots import DiffDrive, check_robot
+from drake_shared.robots.contact import MARGIN, Distances, drive_until_contact, speeds_in_contact
 from drake_shared.robots.illustration import register_robot
-from drake_shared.robots.motion import Pose, motion, speeds_after
+from drake_shared.robots.motion import motion, speeds_after
 from drake_shared.robots.pose import pose_to_transform
 from drake_shared.scenario import Start
 from drake_shared.scenario.obstacles import least_distance
 from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
-
-# How far short of an obstacle the body stops, in [m]: rounding never carries it inside.
-_MARGIN = 1e-6
 
 
 class DiffDrivePlant(LeafSystem):
@@ -185,7 +183,7 @@ class DiffDrivePlant(LeafSystem):
 
     def _calc_contact(self, context: Context, output: BasicVector) -> None:
         stopped = context.get_discrete_state(self._contact_index)[0] > 0.5
-        output[0] = float(stopped or self._clearance_port.Eval(context)[0] <= 2 * _MARGIN)
+        output[0] = float(stopped or self._clearance_port.Eval(context)[0] <= 2 * MARGIN)
 
     def _query(self, context: Context) -> QueryObject | None:
         return self._query_port.Eval(context) if self._query_port.HasValue(context) else None
@@ -204,16 +202,29 @@ class DiffDrivePlant(LeafSystem):
         reach = self._period * max(map(abs, (*wheels, *reached))) * self._robot.wheel_radius
         path = motion(self._robot, (x, y, yaw), wheels, command, self._period)
         contact = False
-        if self._clearance_port.Eval(context)[0] > reach + _MARGIN:
+        if self._clearance_port.Eval(context)[0] > reach + MARGIN:
             x, y, yaw = path[-1]
         else:
-            x, y, yaw, contact = self._drive_until_contact(self._query(context), (x, y, yaw), path)
+            distances = self._distances(self._query(context))
+            x, y, yaw, contact = drive_until_contact(
+                distances, self._robot.footprint_radius, (x, y, yaw), path
+            )
         if contact:
-            turn = 0.5 * (reached[1] - reached[0])
-            reached = (-turn, turn)
+            reached = speeds_in_contact(reached)
         state.set_value(self._pose_index, [x, y, yaw])
         state.set_value(self._wheels_index, reached)
         state.set_value(self._contact_index, [float(contact)])
+
+    def _distances(self, query: Any) -> Distances:
+        def distances(x: float, y: float, threshold: float) -> list[tuple[float, float, float]]:
+            found = query.ComputeSignedDistanceToPoint(np.array([x, y, 0.0]), threshold)
+            return [
+                (item.distance, item.grad_W[0], item.grad_W[1])
+                for item in found
+                if self._geometry_ids is None or item.id_G in self._geometry_ids
+            ]
+
+        return distances
 
     def _possible(self, command: float) -> float:
         """The part of a command that a wheel can follow, in [rad/s]."""
@@ -221,47 +232,3 @@ class DiffDrivePlant(LeafSystem):
             return 0.0
         fastest = self._robot.max_wheel_speed
         return min(max(command, -fastest), fastest)
-
-    def _drive_until_contact(
-        self, query: Any, start: Pose, path: Sequence[Pose]
-    ) -> tuple[float, float, float, bool]:
-        x, y, yaw = start
-        next_x, next_y = x, y
-        contact = False
-        for piece_x, piece_y, yaw in path:  # noqa: B007 (the yaw continues after contact)
-            if not contact:
-                # Each piece is a chord from where the robot really is.
-                next_x, next_y = piece_x, piece_y
-                x, y, contact = self._walk(query, x, y, next_x, next_y)
-        if not contact and self._gap(query, x, y) <= 2 * _MARGIN:
-            contact = True  # At rest against an obstacle.
-        return x, y, yaw, contact
-
-    def _walk(self, query: Any, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float, bool]:
-        """Moves straight to a point, or as far as the obstacles allow.
-
-        The gap to a convex obstacle is convex along a line: a step of Newton's method on it from outside
-        never oversteps the contact.
-        """
-        length = math.hypot(to_x - x, to_y - y)
-        if length == 0.0:
-            return x, y, False
-        along_x, along_y = (to_x - x) / length, (to_y - y) / length
-        gone = 0.0
-        while True:
-            step = math.inf
-            at = np.array([x + gone * along_x, y + gone * along_y, 0.0])
-            for found in query.ComputeSignedDistanceToPoint(
-                at, self._robot.footprint_radius + length - gone + _MARGIN
-            ):
-                if self._geometry_ids is not None and found.id_G not in self._geometry_ids:
-                    continue
-                slope = found.grad_W[0] * along_x + found.grad_W[1] * along_y
-                if slope < 0.0:
-                    gap = found.distance - self._robot.footprint_radius - _MARGIN
-                    step = min(step, max(gap, 0.0) / -slope)
-            if step >= length - gone:
-                return to_x, to_y, False
-            gone += step
-            if step < 1e-9:
-                return x + gone * along_x, y + gone * along_y, True

@@ -18,8 +18,10 @@ from drake_shared.systems.discrete_update import DeclareDiscreteUpdate, check_po
 from drake_shared.systems.intention import Intention, empty_intention
 from drake_shared.systems.prepared_learner import MOMENTS, PreparedLearner
 
-# A command that leads less far than this, in [m] for the Pioneer P3-DX, points nowhere.
-_LEAST_DISTANCE = 0.05
+LEAST_DISTANCE = 0.05
+"""A command that leads less far than this, in [m] for the Pioneer P3-DX, is no observation."""
+REACH = 0.8
+"""Time ahead at which a command is an observation, in [s]."""
 
 
 @dataclasses.dataclass(kw_only=True, eq=False)
@@ -111,7 +113,7 @@ class IntentionEstimator(LeafSystem):
     """
 
     def __init__(
-        self, *, learner: Learner, robot: Robot | None = None, period: float = 0.05, reach: float = 0.8
+        self, *, learner: Learner, robot: Robot | None = None, period: float = 0.05, reach: float = REACH
     ) -> None:
         super().__init__()
         self.set_name("intention_estimator")
@@ -120,7 +122,7 @@ class IntentionEstimator(LeafSystem):
         check_positive(self, reach=reach)
         self._robot = robot
         self._reach = reach
-        self._least_distance = scaled_length(robot, _LEAST_DISTANCE)
+        self._least_distance = scaled_length(robot, LEAST_DISTANCE)
         self._size = len(robot.position_names)
         self._pose_port = self.DeclareVectorInputPort("pose", len(robot.configuration_names))
         self._human_port = self.DeclareVectorInputPort("human_command", len(robot.command_names))

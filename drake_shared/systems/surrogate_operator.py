@@ -10,6 +10,7 @@ from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSy
 
 from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import Behaviour
+from drake_shared.operators.imperfections import answered, coloured_noise, slipped, within_limits
 from drake_shared.operators.steering import SteeringLaw
 from drake_shared.robots import DiffDrive
 from drake_shared.scenario import Route, Scenario
@@ -140,18 +141,15 @@ class SurrogateOperator(LeafSystem):
             left, right = self._robot.wheel_speeds(speed, turn + behaviour.skill * correction)
 
         keep = math.exp(-self._period / behaviour.noise_time)
-        kick = math.sqrt(1.0 - keep * keep)
-        new_left, new_right = self._noise_port.Eval(context).tolist()
-        left_spread = right_spread = behaviour.noise
-        if behaviour.signal_noise:
-            left_spread = math.hypot(left_spread, behaviour.signal_noise * left)
-            right_spread = math.hypot(right_spread, behaviour.signal_noise * right)
-        left_noise = keep * left_noise + left_spread * kick * new_left
-        right_noise = keep * right_noise + right_spread * kick * new_right
+        normal = self._noise_port.Eval(context).tolist()
+        left_noise, right_noise = coloured_noise(
+            behaviour, (left_noise, right_noise), (left, right), normal, keep
+        )
         if steers:
-            intended = self._within_limits(left + left_noise, right + right_noise)
+            intended = within_limits((left + left_noise, right + right_noise), self._fastest)
             if behaviour.lag or behaviour.random_share:
-                intended = self._slip(context, behaviour, intended, last)
+                chance = self._chance_port.Eval(context).tolist()
+                intended = slipped(behaviour, intended, last, chance, self._fastest)
             command = intended
             if behaviour.stubbornness or behaviour.yielding:
                 command = self._answer_assistance(context, behaviour, intended, last)
@@ -161,34 +159,16 @@ class SurrogateOperator(LeafSystem):
         state.set_value(self._mind_index, [reached, left_noise, right_noise, *intended])
         state.set_value(self._seen_index, seen)
 
-    def _within_limits(self, left: float, right: float) -> list[float]:
-        fastest = self._fastest
-        return [min(max(left, -fastest), fastest), min(max(right, -fastest), fastest)]
-
-    def _slip(
-        self, context: Context, behaviour: Behaviour, intended: list[float], last: list[float]
-    ) -> list[float]:
-        """The intended command, or by chance a random one or that of the last step."""
-        lags, random, left, right = self._chance_port.Eval(context).tolist()
-        if lags < behaviour.lag:
-            return last
-        if random < behaviour.random_share:
-            return [self._fastest * (2.0 * left - 1.0), self._fastest * (2.0 * right - 1.0)]
-        return intended
-
     def _answer_assistance(
         self, context: Context, behaviour: Behaviour, intended: list[float], last: list[float]
     ) -> list[float]:
         """The intended command, changed by the arbiter's output for the last command."""
-        left, right = intended
+        shared, weight = last, 1.0
         if behaviour.stubbornness and self._shared_port.HasValue(context):
-            shared_left, shared_right = self._shared_port.Eval(context).tolist()
-            left += behaviour.stubbornness * (last[0] - shared_left)
-            right += behaviour.stubbornness * (last[1] - shared_right)
+            shared = self._shared_port.Eval(context).tolist()
         if behaviour.yielding and self._weight_port.HasValue(context):
-            held = 1.0 - behaviour.yielding * (1.0 - self._weight_port.Eval(context).item())
-            left, right = held * left, held * right
-        return self._within_limits(left, right)
+            weight = self._weight_port.Eval(context).item()
+        return answered(behaviour, intended, last, shared, weight, self._fastest)
 
 
 class _IntendedRoute:

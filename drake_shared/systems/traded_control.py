@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues
 
+from drake_shared.arbitration.blend import traded_weight
 from drake_shared.common.errors import InputError
 from drake_shared.robots import Robot
 from drake_shared.systems.arbiter import Arbiter
@@ -71,10 +72,9 @@ class TradedControl(Arbiter):
 
     def DoCalcWeight(self, context: Context) -> float:
         """1 while the human drives, 0 while the agent does."""
-        confidence = self.confidence(context)
-        if context.get_discrete_state(self._agent_index)[0] > 0.5:
-            return 0.0 if confidence > self._threshold - self._margin else 1.0
-        return 0.0 if confidence >= self._threshold + self._margin else 1.0
+        agent = context.get_discrete_state(self._agent_index)[0]
+        weight: float = traded_weight(self.confidence(context), agent, self._threshold, self._margin)
+        return weight
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         state.set_value(self._agent_index, np.array([1.0 - self._weight_port.Eval(context).item()]))

@@ -1,0 +1,48 @@
+"""What the lock-step engine cannot do."""
+
+from __future__ import annotations
+
+from drake_shared.learners import Learner
+from drake_shared.learners.rows import predicts_rows
+from drake_shared.robots import DiffDrive
+from drake_shared.simulation.lockstep.arbiters import make_arbitration
+from drake_shared.simulation.lockstep.noise import is_drakes
+from drake_shared.simulation.trial import Simulation
+from drake_shared.systems.diff_drive_plant import DiffDrivePlant
+from drake_shared.systems.surrogate_operator import SurrogateOperator
+from drake_shared.systems.waypoint_controller import WaypointController
+
+
+def unsupported(simulation: Simulation, learner: Learner | None = None) -> str | None:
+    """Names what the lock-step engine cannot run in trials of a simulation; None if it can run them.
+
+    Args:
+        simulation: The trials.
+        learner: Of a trial; the simulation's own if None.
+    """
+    parts, config, scenario = simulation.parts, simulation.config, simulation.scenario
+    learner = learner or simulation.learner
+    if type(simulation.robot) is not DiffDrive:
+        return f"robot {type(simulation.robot).__name__}"
+    if type(parts.operator) is not SurrogateOperator:
+        return f"operator {type(parts.operator).__name__}"
+    if type(parts.plant) is not DiffDrivePlant:
+        return f"plant {type(parts.plant).__name__}"
+    if any(obstacle.path for obstacle in scenario.obstacles):
+        return "moving obstacles"
+    if type(parts.controller) is not WaypointController:
+        return f"controller {type(parts.controller).__name__}"
+    if (
+        parts.driver_switch is not parts.arbiter
+        or make_arbitration(parts.driver_switch, scenario.robot) is None
+    ):
+        return f"arbiter {parts.arbitration['name']}"
+    if config.safety_clearance is not None:
+        return "a safety filter"
+    if config.faults:
+        return f"fault {', '.join(config.faults.to_json())}"
+    if learner is not None and not predicts_rows(learner):
+        return f"learner {learner.name}"
+    if not is_drakes():
+        return "the random numbers of this C++ standard library"
+    return None
