@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from drake_shared.analysis.log_folder import LogStore, log_path, open_log_folder, row_of, write_log_of_batch
 from drake_shared.common.errors import InputError
@@ -16,7 +18,9 @@ from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.named import changes_of_route
 from drake_shared.scenario import load_scenario
 from drake_shared.simulation.config import SharedControlConfig
-from drake_shared.simulation.runner import Task, read_results, run_as_completed
+from drake_shared.simulation.lockstep.engine import BLOCK, Lockstep
+from drake_shared.simulation.lockstep.support import ENGINES, reason_for_drake
+from drake_shared.simulation.runner import Task, run_as_completed
 from drake_shared.simulation.runner.tasks import canonical
 from drake_shared.simulation.trial import Simulation, TrialSettings, read_log
 from drake_shared.systems.recorded_input import RecordedInput
@@ -37,9 +41,11 @@ class Batch:
             alternate between the possible changes, see `drake_shared.operators.named.changes_of_route`.
         recording: A log whose human commands are played back in place of a simulated operator.
         out: Folder for the logs; none are written if None.
+        engine: "drake" runs a diagram for each trial, "lockstep" all trials together, as arrays; "auto" takes
+            the latter wherever it can run the trials. Their results agree within rounding.
 
     Raises:
-        InputError: ``count`` is below 1.
+        InputError: ``count`` is below 1, or ``engine`` is unknown.
     """
 
     scenario: str | None = None
@@ -51,10 +57,13 @@ class Batch:
     switching: bool = False
     recording: str | None = None
     out: str | None = None
+    engine: str = "auto"
 
     def __post_init__(self) -> None:
         if self.count < 1:
             raise InputError("simulate", "trials", "must be at least 1", self.count)
+        if self.engine not in ENGINES:
+            raise InputError("simulate", "engine", f"must be one of {', '.join(ENGINES)}", repr(self.engine))
 
     def to_json(self) -> dict[str, Any]:
         """All fields as plain values."""
@@ -74,7 +83,12 @@ class Batch:
 
 
 def run_batch(
-    batch: Batch, *, workers: int = 1, resume: bool = False, force: bool = False
+    batch: Batch,
+    *,
+    workers: int = 1,
+    resume: bool = False,
+    force: bool = False,
+    inform: Callable[[str], None] | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Runs the trials and yields the metrics of each, in order, with its seed, route and log.
 
@@ -83,10 +97,12 @@ def run_batch(
         workers: Number of processes; 1 runs in this one.
         resume: Take the trials whose logs are in ``batch.out`` from there, and run the others.
         force: Overwrite the logs in ``batch.out``.
+        inform: Receives a line about the engine that runs the trials, and why.
 
     Raises:
         InputError: A file cannot be read, or the folder for logs cannot be written to, holds logs of trials
-            and neither option is set, or holds logs of another configuration.
+            and neither option is set, or holds logs of another configuration; or the lock-step engine is
+            required and cannot run the trials.
         RunError: A log cannot be written, or a worker process died; the logs before it are kept.
     """
     if workers < 1:
@@ -94,7 +110,9 @@ def run_batch(
     # The files that the batch names may have changed since the last one.
     _trials.cache_clear()
     given = batch.to_json()
-    tasks = [Task.of(run_trial, batch=given, index=index) for index in range(batch.count)]
+    reason = _trials(canonical(given)).reason_for_drake
+    if inform is not None:
+        inform("engine: lock-step" if reason is None else f"engine: Drake, since {reason}")
     store = None
     if batch.out is not None:
         store = _open_store(batch, batch.out, resume=resume, force=force)
@@ -102,13 +120,18 @@ def run_batch(
         option = "resume" if resume else "force"
         raise InputError("simulate", option, "must be left out where no logs are kept (--out)")
     # All logs are checked before any trial is run.
-    kept = {} if store is None else read_results(tasks, store)
+    kept = {} if store is None else store.rows()
+    missing = [index for index in range(batch.count) if index not in kept]
+    # Blocks of equal size, at least one for each worker; each trial is its own block in Drake.
+    count = len(missing) if reason is not None else max(-(-len(missing) // BLOCK), min(workers, len(missing)))
+    blocks = [part.tolist() for part in np.array_split(missing, count)] if missing else []
+    tasks = [Task.of(run_trials, batch=given, indices=block) for block in blocks]
     return _rows(tasks, kept, store, workers)
 
 
-def run_trial(batch: dict[str, Any], index: int) -> dict[str, Any]:
-    """Runs a trial of a batch, given as `Batch.to_json`, writes its log if required, and returns its row."""
-    return _trials(canonical(batch)).run(index)
+def run_trials(batch: dict[str, Any], indices: list[int]) -> list[dict[str, Any]]:
+    """Runs trials of a batch, given as `Batch.to_json`, writes required logs, and returns rows."""
+    return _trials(canonical(batch)).run(indices)
 
 
 def _open_store(batch: Batch, out: str, *, resume: bool, force: bool) -> LogStore:
@@ -123,17 +146,17 @@ def _open_store(batch: Batch, out: str, *, resume: bool, force: bool) -> LogStor
 
 
 def _rows(
-    tasks: list[Task], kept: dict[str, Any], store: LogStore | None, workers: int
+    tasks: list[Task], kept: dict[int, Any], store: LogStore | None, workers: int
 ) -> Iterator[dict[str, Any]]:
-    missing = [task for task in tasks if task.key not in kept]
     rows = dict(kept)
+    total = len(rows) + sum(len(task.arguments["indices"]) for task in tasks)
     # A failure of a trial is not retried: the same trial fails again.
-    completed = run_as_completed(missing, store, workers=min(workers, max(1, len(missing))), retries=0)
-    for task in tasks:
-        while task.key not in rows:
-            done, row = next(completed)
-            rows[done.key] = row
-        yield rows.pop(task.key)
+    completed = run_as_completed(tasks, store, workers=min(workers, max(1, len(tasks))), retries=0)
+    for index in range(total):
+        while index not in rows:
+            task, found = next(completed)
+            rows |= zip(task.arguments["indices"], found, strict=True)
+        yield rows.pop(index)
 
 
 class _Trials:
@@ -154,6 +177,8 @@ class _Trials:
             self._recorded_route = recorded.metadata.get("route")
             operator = RecordedInput(period=scenario.control_period)
         self._simulation = Simulation(scenario, learner=learner, operator=operator, config=batch.config)
+        self.reason_for_drake = reason_for_drake(self._simulation, batch.engine)
+        """Why the trials run in Drake; None if they run in lock-step."""
 
     def check(self) -> None:
         """Raises the InputError that the first trial would raise."""
@@ -163,13 +188,20 @@ class _Trials:
         """The metadata of a trial, all but its status."""
         return self._simulation.describe(self._settings(index))
 
-    def run(self, index: int) -> dict[str, Any]:
-        """Runs a trial, writes its log if required, and returns its row."""
-        trial = self._simulation.run(self._settings(index))
-        log = None if self._batch.out is None else log_path(self._batch.out, index)
-        if log is not None:
-            write_log_of_batch(trial, log)
-        return row_of(trial, log)
+    def run(self, indices: list[int]) -> list[dict[str, Any]]:
+        """Runs trials, writes required logs, and returns rows."""
+        settings = [self._settings(index) for index in indices]
+        if self.reason_for_drake is None:
+            trials = Lockstep(self._simulation).run(settings)
+        else:
+            trials = map(self._simulation.run, settings)
+        rows = []
+        for index, trial in zip(indices, trials, strict=True):
+            log = None if self._batch.out is None else log_path(self._batch.out, index)
+            if log is not None:
+                write_log_of_batch(trial, log)
+            rows.append(row_of(trial, log))
+        return rows
 
     def _settings(self, index: int) -> TrialSettings:
         batch = self._batch

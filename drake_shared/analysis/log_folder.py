@@ -23,6 +23,9 @@ _LOG = re.compile(r"trial_(\d{5,})\.parquet")
 # Temporary files of replacing(), which a killed process leaves, are called .trial_00003.parquet.k3v9x2ab.
 _TEMPORARY = re.compile(r"\.trial_\d{5,}\.parquet\.\w+")
 
+# Entries of the metadata that are no settings of the trial.
+_OF_THE_RUN = ("status", "engine")
+
 
 def log_path(folder: str | os.PathLike[str], index: int) -> Path:
     """The path of the log of trial ``index`` of a batch."""
@@ -70,7 +73,7 @@ def open_log_folder(
 
 
 class LogStore:
-    """The logs of a batch as results of its tasks, whose argument ``index`` is the number of the trial.
+    """The logs of a batch as results of its tasks, each of which runs some of its trials.
 
     Args:
         folder: Prepared by `open_log_folder`.
@@ -80,28 +83,30 @@ class LogStore:
 
     def __init__(self, folder: str, indices: list[int], describe: Callable[[int], Mapping[str, Any]]) -> None:
         self._folder = folder
-        self._indices = frozenset(indices)
+        self._indices = tuple(indices)
         self._describe = describe
 
-    def read(self, task: Task) -> Any:
-        """The row of a trial whose log is complete.
+    def rows(self) -> dict[int, dict[str, Any]]:
+        """The rows of the trials whose logs are complete, by index.
+
+        A log is incomplete if a power failure cut it.
 
         Raises:
-            KeyError: It has no log, or one that is incomplete (as a power failure may leave it).
-            InputError: The log is of another configuration, the file is no log, or it cannot be read.
+            InputError: A log is of another configuration, a file is no log, or it cannot be read.
         """
-        index = task.arguments["index"]
-        if index not in self._indices:
-            raise KeyError(index)
+        rows = ((index, self._row(index)) for index in self._indices)
+        return {index: row for index, row in rows if row is not None}
+
+    def _row(self, index: int) -> dict[str, Any] | None:
         path = log_path(self._folder, index)
         try:
             trial = read_log(path)
         except InputError as error:
             if isinstance(error.__cause__, pa.ArrowException | OSError) and os.access(path, os.R_OK):
-                raise KeyError(index) from error
+                return None
             raise
         ours = json.loads(json.dumps(dict(self._describe(index))))
-        theirs = {name: value for name, value in trial.metadata.items() if name != "status"}
+        theirs = {name: value for name, value in trial.metadata.items() if name not in _OF_THE_RUN}
         if differs := first_difference(theirs, ours):
             raise InputError(
                 path,
@@ -109,10 +114,19 @@ class LogStore:
                 f"must be of the same configuration to be resumed, as a batch never mixes configurations: "
                 f"{differs}; {OVERWRITE}",
             )
-        return json.loads(as_json(row_of(trial, path)))
+        row: dict[str, Any] = json.loads(as_json(row_of(trial, path)))
+        return row
+
+    def read(self, task: Task) -> Any:
+        """Never: a batch runs only trials without a log.
+
+        Raises:
+            KeyError: Always.
+        """
+        raise KeyError(task.key)
 
     def write(self, task: Task, text: str) -> Any:
-        """The row of a trial; the process that ran it has written the log."""
+        """The rows of a task; the process that ran its trials has written the logs."""
         return json.loads(text)
 
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from drake_shared.common.elementwise import FLOATS, Elementwise, Real
+from drake_shared.common.elementwise import FLOATS, Elementwise, Real, Reals
 from drake_shared.common.errors import InputError
 
 # A command whose elements are all below this, in its own units, is no command.
@@ -115,7 +115,7 @@ class AuthorityState:
         return [self.weight, *times, *self.command]
 
     @classmethod
-    def from_list(cls, values: Sequence[Real]) -> AuthorityState:
+    def from_list(cls, values: Reals) -> AuthorityState:
         """Inverse of `to_list`."""
         weight, conflict_time, agreement_time, released, idle_time, *command = values
         return cls(weight, conflict_time, agreement_time, released, idle_time, command)
@@ -126,7 +126,7 @@ def next_times(
     before: AuthorityState,
     *,
     angle: Real,
-    human: Sequence[Real],
+    human: Reals,
     idle_time: float | None,
     period: float,
     xp: Elementwise = FLOATS,
@@ -182,7 +182,7 @@ def limited_weight(
 
 def limited_command(
     authority: Authority,
-    before: Sequence[Real],
+    before: Reals,
     command: Sequence[Real],
     period: float,
     xp: Elementwise = FLOATS,

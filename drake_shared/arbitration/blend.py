@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from drake_shared.common.elementwise import FLOATS, Elementwise, Real
+from drake_shared.common.elementwise import FLOATS, Elementwise, Real, Reals
 
 
 def confidence_weight(confidence: Real, xp: Elementwise = FLOATS) -> Real:
@@ -28,21 +28,19 @@ def traded_weight(
     return xp.where(xp.where(agent > 0.5, keeps, takes), 0.0, 1.0)
 
 
-def finite_weight(weight: Real, autonomous: Sequence[Real], xp: Elementwise = FLOATS) -> Real:
+def finite_weight(weight: Real, autonomous: Reals, xp: Elementwise = FLOATS) -> Real:
     """``weight``, or 1 where it or the agent's command (M,) is NaN or infinite."""
     # The sum with NaN or infinity is not finite either.
     return xp.where(xp.isfinite(weight + sum(autonomous)), weight, 1.0)
 
 
-def finite_command(command: Sequence[Real], xp: Elementwise = FLOATS) -> Sequence[Real]:
+def finite_command(command: Reals, xp: Elementwise = FLOATS) -> Sequence[Real]:
     """``command`` (M,), or zeros where it has a NaN or infinite element."""
     finite = xp.isfinite(sum(command))
     return [xp.where(finite, element, 0.0) for element in command]
 
 
-def blend(
-    weight: Real, human: Sequence[Real], autonomous: Sequence[Real], xp: Elementwise = FLOATS
-) -> Sequence[Real]:
+def blend(weight: Real, human: Reals, autonomous: Reals, xp: Elementwise = FLOATS) -> Sequence[Real]:
     """The command w human + (1 - w) autonomous, eq. (2).
 
     Args:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -36,6 +36,11 @@ class Simulate(LearnerOptions):
     """Keep the trials whose logs are in the folder, and run the others."""
     force: bool = False
     """Overwrite the logs that are in the folder."""
+    engine: Literal["auto", "drake", "lockstep"] = "auto"
+    """"drake" runs a diagram for each trial, "lockstep" all trials together, as arrays, many times as fast;
+    "auto" takes the latter wherever it can run the trials."""
+    verbose: bool = False
+    """Say which engine runs the trials, and why."""
     json: bool = False
     """Print everything as one JSON object."""
 
@@ -61,8 +66,10 @@ class Simulate(LearnerOptions):
             switching=switching,
             recording=recording,
             out=None if self.out is None else str(self.out),
+            engine=self.engine,
         )
-        ran = run_batch(batch, workers=self.workers, resume=self.resume, force=self.force)
+        inform = say if self.verbose else None
+        ran = run_batch(batch, workers=self.workers, resume=self.resume, force=self.force, inform=inform)
         rows = list(tqdm(ran, total=self.trials, unit="trial", disable=None))
         measured = [{k: v for k, v in row.items() if k not in ("seed", "route", "log")} for row in rows]
         summary = summarize(measured)

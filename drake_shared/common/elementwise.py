@@ -9,13 +9,16 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 Real = Any
 """A float or an array of them."""
+Reals = Sequence[Real] | NDArray[Any]
+"""Several of them, such as the elements of a command; for arrays also one array with them as its rows."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)

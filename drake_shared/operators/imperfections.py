@@ -6,12 +6,11 @@ The arguments are numbers, or arrays of them with ``xp`` as `drake_shared.common
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
-from drake_shared.common.elementwise import FLOATS, Elementwise, Real
+from drake_shared.common.elementwise import FLOATS, Elementwise, Real, Reals
 
-Command = Sequence[Real]
+Command = Reals
 """Wheel speeds (left, right), in [rad/s]."""
 
 
@@ -43,7 +42,7 @@ def slipped(
     behaviour: Any,
     meant: Command,
     last: Command,
-    chance: Sequence[Real],
+    chance: Reals,
     fastest: float,
     xp: Elementwise = FLOATS,
 ) -> list[Real]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from drake_shared.common.elementwise import FLOATS, Elementwise, Real
+from drake_shared.common.elementwise import FLOATS, Elementwise, Real, Reals
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import models_directory
 from drake_shared.robots.robot import scaled_length
@@ -96,12 +96,12 @@ class DiffDrive:
         x, y, _ = configuration
         return x, y
 
-    def speed(self, command: Sequence[Real]) -> Real:
+    def speed(self, command: Reals) -> Real:
         """Speed along the robot's direction, in [m/s], without its sign."""
         return abs(self.twist(*command)[0])
 
     def rollout(
-        self, configuration: Sequence[Real], command: Sequence[Real], horizon: float, xp: Elementwise = FLOATS
+        self, configuration: Reals, command: Reals, horizon: float, xp: Elementwise = FLOATS
     ) -> tuple[Real, Real]:
         """Position (x, y), in [m], at the end of the arc that ``command`` drives in ``horizon`` s."""
         x, y, yaw = configuration
@@ -124,7 +124,7 @@ class DiffDrive:
         return self.wheel_speeds(max_speed * forward, max_yaw_rate * left)
 
     def command_toward(
-        self, configuration: Sequence[Real], target: Sequence[Real], duration: float, xp: Elementwise = FLOATS
+        self, configuration: Reals, target: Reals, duration: float, xp: Elementwise = FLOATS
     ) -> tuple[Real, Real]:
         """Wheel speeds, in [rad/s], along the arc to ``target`` (x, y) that starts in the robot's direction.
 
@@ -143,7 +143,7 @@ class DiffDrive:
         known = xp.where(xp.isfinite(distance), moves, math.nan)
         return known * left, known * right
 
-    def conflict_angle(self, a: Sequence[Real], b: Sequence[Real], xp: Elementwise = FLOATS) -> Real:
+    def conflict_angle(self, a: Reals, b: Reals, xp: Elementwise = FLOATS) -> Real:
         """Angle between two commands as twists (v, lever * yaw rate), in [rad].
 
         NaN if either hardly moves.

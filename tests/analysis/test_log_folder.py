@@ -282,7 +282,7 @@ def test_a_full_disk_ends_the_batch_and_keeps_earlier_logs(batch, tmp_path, monk
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    rows = run_batch(batch())
+    rows = run_batch(batch(engine="drake"))
     before = [next(rows), next(rows)]
     with monkeypatch.context() as patched:
         patched.setattr("pyarrow.parquet.write_table", full)
@@ -290,9 +290,9 @@ def test_a_full_disk_ends_the_batch_and_keeps_earlier_logs(batch, tmp_path, monk
             next(rows)
     assert "\n" not in str(caught.value)
     assert sorted(os.listdir(tmp_path / "logs")) == [Path(row["log"]).name for row in before]
-    rows = list(run_batch(batch(), resume=True))
+    rows = list(run_batch(batch(engine="drake"), resume=True))
     assert plain(rows[:2]) == plain(before)
-    assert plain(rows) == plain(run_batch(batch(out=str(tmp_path / "other"))))
+    assert plain(rows) == plain(run_batch(batch(engine="drake", out=str(tmp_path / "other"))))
 
 
 def test_a_full_disk_ends_the_program_with_status_1_and_one_line(short, tmp_path):
@@ -308,7 +308,7 @@ def test_a_full_disk_ends_the_program_with_status_1_and_one_line(short, tmp_path
 
 
 def test_a_removed_folder_is_not_created_again(batch, tmp_path):
-    rows = run_batch(batch())
+    rows = run_batch(batch(engine="drake"))
     next(rows)
     shutil.rmtree(tmp_path / "logs")
     with pytest.raises(RunError, match=r"trial_00001\.parquet"):
@@ -318,7 +318,7 @@ def test_a_removed_folder_is_not_created_again(batch, tmp_path):
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root can write everywhere")
 def test_a_lost_permission_ends_the_batch(batch, tmp_path):
-    rows = run_batch(batch())
+    rows = run_batch(batch(engine="drake"))
     next(rows)
     (tmp_path / "logs").chmod(0o500)
     try:

@@ -72,7 +72,8 @@ class CnmpRows:
     def _aggregate(self, codes: Floats) -> Floats:
         """One code (n, C) for the observations of each row, from their codes (n, c, C)."""
         if self._learner.aggregation == "mean":
-            return codes.sum(axis=1) / codes.shape[1]
+            mean: Floats = codes.sum(axis=1) / codes.shape[1]
+            return mean
         half = codes.shape[-1] // 2
         precision = softplus(codes[..., half:])
         weighted = (precision * codes[..., :half]).sum(axis=1)

@@ -226,4 +226,4 @@ def _kept(state: State, keep: NDArray[np.bool_]) -> State:
 
 def _require(reason: str | None) -> None:
     if reason is not None:
-        raise InputError("--engine", ENGINE, f"cannot run {reason}; use --engine drake or auto")
+        raise InputError(f"--engine {ENGINE}", "", f"cannot run {reason}; use --engine drake or auto")

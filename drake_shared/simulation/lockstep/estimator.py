@@ -137,7 +137,8 @@ class Estimators:
         flat = expected.transpose(1, 0, 2).reshape(2 * MOMENTS, rows)
         offsets = flat - before
         known = np.isfinite(offsets)
-        square = 2.0 * np.square(np.where(known, offsets, 0.0)).sum(axis=0)
+        # Accumulated, since the order of a sum over an axis depends on the number of rows.
+        square = 2.0 * np.cumsum(np.square(np.where(known, offsets, 0.0)), axis=0)[-1]
         by_pose = np.sqrt(square / np.maximum(known.sum(axis=0), 1))
         return Estimates(
             reached=index,
@@ -159,18 +160,25 @@ class Estimators:
         mean, variance = prediction[:2]
         to_come = (np.arange(start, self._count) >= first[:, None])[:, None]
         size = 2.0 * (self._count - first)
+
+        def mean_to_come(values: Floats) -> Floats:
+            # The order of the sum, and so its last bits, must not depend on the other rows of the block.
+            whole = np.zeros((len(values), 2, self._count))
+            np.multiply(values, to_come, out=whole[:, :, start:])
+            mean: Floats = whole.reshape(len(values), -1).sum(axis=1) / size
+            return mean
+
         total, chosen, moved = variance[:, 0], mean[:, 0], np.zeros(len(now))
         if observed.shape[1] > 1:
             apart = np.square(mean[:, 1] - mean[:, 0])
-            moved = np.where(pointed, np.sqrt(2.0 * (apart * to_come).sum((1, 2)) / size), 0.0)
+            moved = np.where(pointed, np.sqrt(2.0 * mean_to_come(apart)), 0.0)
             both = np.maximum(np.maximum(total, variance[:, 1]), apart)
             total = np.where(pointed[:, None, None], both, total)
             chosen = np.where(pointed[:, None, None], mean[:, 1], chosen)
-        spread = np.where(to_come, total, 0.0).sum((1, 2)) / size
         moments = self._moments[self._moments >= start]
         expected = mean[:, 0][:, :, moments - start].transpose(1, 2, 0)
         expected = np.where(moments[:, None] >= first, expected, math.nan)
-        return spread, moved, self._aims.target(chosen, now, start), expected
+        return mean_to_come(total), moved, self._aims.target(chosen, now, start), expected
 
 
 class _Clock:

@@ -91,7 +91,7 @@ class Operators:
         # A ring: the pose of step k is at k modulo its length.
         seen = state["seen"]
         seen[step % self._memory] = pose
-        route = np.where(now >= behaviour.switch_time, state["then"], state["route"])
+        route: Any = np.where(now >= behaviour.switch_time, state["then"], state["route"])
         path = TrialRoutes(self._table, route)
         recalled = self._recall(seen, step, behaviour.delay)
         reached = state["reached"] = law.progress(path, recalled, state["reached"])
@@ -108,8 +108,8 @@ class Operators:
             speed_factor=behaviour.speed_factor,
             xp=ARRAYS,
         )
-        meant = self._scenario.robot.wheel_speeds(speed, turn + behaviour.skill * correction, ARRAYS)
-        meant = [np.where(steers, wheel, 0.0) for wheel in meant]
+        steered = self._scenario.robot.wheel_speeds(speed, turn + behaviour.skill * correction, ARRAYS)
+        meant = [np.where(steers, wheel, 0.0) for wheel in steered]
         keep = np.exp(-period / behaviour.noise_time)
         normal = self._normal[step][:, state["trial"]]
         noise = coloured_noise(behaviour, state["noise"], meant, normal, keep, ARRAYS)
@@ -132,6 +132,6 @@ class Operators:
         )
         newer = (step - index.astype(np.int64)) % self._memory
         rows = np.arange(len(delay))
-        new, old = seen[newer, :, rows].T, seen[newer - 1, :, rows].T
+        new, old = (np.ascontiguousarray(seen[index, :, rows].T) for index in (newer, newer - 1))
         x, y, yaw = new + share * (old - new)
         return x, y, yaw

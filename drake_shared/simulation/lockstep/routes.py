@@ -28,12 +28,12 @@ class RouteTable:
         self.spacings = np.array([path.spacing for path in paths])
         self.first = np.cumsum([0, *sizes[:-1]])
         self.last = np.array(sizes) - 1
-        self.frames = np.concatenate([np.array(path.frames) for path in paths])
+        self.frames = np.ascontiguousarray(np.concatenate([np.array(path.frames) for path in paths]).T)
         self.width = math.ceil(search / min(self.spacings)) + 2
         # Every window of the search as a view; the last point is repeated beyond the end.
         self.windows = [
             np.lib.stride_tricks.sliding_window_view(np.pad(axis, (0, self.width), mode="edge"), self.width)
-            for axis in self.frames.T[:2]
+            for axis in self.frames[:2]
         ]
 
 
@@ -54,7 +54,7 @@ class TrialRoutes:
 
     def frame(self, arc_length: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """See `Path.frame`."""
-        x, y, direction, curvature = self._table.frames[self._first + self._index(arc_length)].T
+        x, y, direction, curvature = self._table.frames[:, self._first + self._index(arc_length)]
         return x, y, direction, curvature
 
     def nearest(self, x: Floats, y: Floats, *, between: tuple[Floats, Floats]) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
 from drake_shared.learners.rows import predicts_rows
 from drake_shared.robots import DiffDrive
@@ -11,6 +12,28 @@ from drake_shared.simulation.trial import Simulation
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.surrogate_operator import SurrogateOperator
 from drake_shared.systems.waypoint_controller import WaypointController
+
+ENGINES = ("auto", "drake", "lockstep")
+
+
+def reason_for_drake(simulation: Simulation, engine: str) -> str | None:
+    """Why trials of a simulation run in Drake; None if the lock-step engine runs them.
+
+    Args:
+        simulation: The trials.
+        engine: One of `ENGINES`; "auto" takes the lock-step engine wherever it can run the trials.
+
+    Raises:
+        InputError: ``engine`` is unknown, or is "lockstep" where that engine cannot run the trials.
+    """
+    if engine not in ENGINES:
+        raise InputError("simulate", "engine", f"must be one of {', '.join(ENGINES)}", repr(engine))
+    if engine == "drake":
+        return "Drake is chosen"
+    reason = unsupported(simulation)
+    if reason is not None and engine == "lockstep":
+        raise InputError("--engine lockstep", "", f"cannot run {reason}; use --engine drake or auto")
+    return None if reason is None else f"the lock-step engine cannot run {reason}"
 
 
 def unsupported(simulation: Simulation, learner: Learner | None = None) -> str | None:

@@ -1,0 +1,133 @@
+"""Trials in lock-step are those of the Drake diagram."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from drake_shared.common.files import models_directory
+from drake_shared.learners import load_learner
+from drake_shared.operators.behaviour import Behaviour
+from drake_shared.operators.named import OPERATORS, changes_of_route
+from drake_shared.scenario import load_scenario
+from drake_shared.simulation.config import SharedControlConfig, config_for
+from drake_shared.simulation.lockstep.engine import Lockstep
+from drake_shared.simulation.lockstep.noise import is_drakes
+from drake_shared.simulation.trial import Simulation, TrialSettings
+
+pytestmark = pytest.mark.skipif(not is_drakes(), reason="another C++ standard library draws other numbers")
+
+# In [m], and for w.
+WITHIN = 1e-9
+
+
+def learner_of(scenario: str, preset: str = "default"):
+    return load_learner(models_directory() / "learners" / f"{scenario}_{preset}.safetensors")
+
+
+def operator_settings(scenario, name: str, *, seed: int = 0, **changes) -> TrialSettings:
+    """A trial of a named operator; routes, or changes of route, alternate with the seed."""
+    named = OPERATORS[name]
+    routes = changes_of_route(scenario) if named.switches else [(route, None) for route in scenario.routes]
+    route, then = routes[seed % len(routes)]
+    return TrialSettings(
+        seed=seed,
+        route=route.name,
+        then=None if then is None else then.name,
+        behaviour=named.behaviour_in(scenario),
+        **changes,
+    )
+
+
+def check_equal(simulation: Simulation, settings, learners=None) -> list:
+    """Compares the trials of both engines, and returns those of Drake."""
+    together = list(Lockstep(simulation).run(settings, learners=learners))
+    alone = [
+        simulation.run(item, learner=learner)
+        for item, learner in zip(settings, learners or [None] * len(settings), strict=True)
+    ]
+    for ours, drakes in zip(together, alone, strict=True):
+        assert {**drakes.metadata, "engine": "lockstep"} == ours.metadata
+        assert list(ours.columns) == list(drakes.columns)
+        assert (ours["t"] == drakes["t"]).all()
+        assert (ours["contact"] == drakes["contact"]).all()
+        for name in drakes.columns:
+            tolerance = WITHIN if name in ("x", "y", "human_weight", "clearance") else 1e-7
+            assert np.allclose(ours[name], drakes[name], rtol=0.0, atol=tolerance, equal_nan=True), name
+    return alone
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+def test_every_named_operator(name):
+    scenario = load_scenario("two_obstacles")
+    simulation = Simulation(scenario, learner=learner_of("two_obstacles"))
+    check_equal(simulation, [operator_settings(scenario, name, seed=seed) for seed in range(3)])
+
+
+@pytest.mark.parametrize("end", ["reached", "duration"])
+@pytest.mark.parametrize("arbitration", ["blend", "halves", "traded:threshold=0.6,margin=0.1"])
+def test_every_arbiter_in_all_scenarios(arbitration, end):
+    for name in ("two_obstacles", "three_obstacles", "doorway"):
+        scenario = load_scenario(name)
+        config = SharedControlConfig(arbitration=arbitration, end=end, confidence_gain=100.0)
+        simulation = Simulation(scenario, learner=learner_of(name), config=config)
+        check_equal(simulation, [operator_settings(scenario, "unskilled", seed=7)])
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_confidence_alone_decides_without_authority(preset):
+    scenario = load_scenario("three_obstacles")
+    simulation = Simulation(
+        scenario, learner=learner_of("three_obstacles", preset), config=config_for("paper")
+    )
+    check_equal(simulation, [operator_settings(scenario, "primary", seed=seed) for seed in range(2)])
+
+
+@pytest.mark.parametrize("authority", [{"floor": 0.3, "weight_rate": None}, {"command_rate": None}])
+def test_parts_of_the_authority_are_off(authority):
+    scenario = load_scenario("two_obstacles")
+    config = SharedControlConfig.from_json({"authority": {**authority, "conflict_time": None}})
+    simulation = Simulation(scenario, learner=learner_of("two_obstacles"), config=config)
+    check_equal(simulation, [operator_settings(scenario, "resting", seed=5)])
+
+
+def test_human_agent_and_both_with_and_without_a_learner_in_one_block():
+    scenario = load_scenario("two_obstacles")
+    learners = [learner_of("two_obstacles"), learner_of("two_obstacles", "paper"), None, None]
+    drivers = ["agent", "shared", None, "human"]
+    settings = [
+        operator_settings(scenario, "noisy", seed=seed, driver=who) for seed, who in enumerate(drivers)
+    ]
+    settings[1] = TrialSettings(seed=3, route="left_left", confidence_gain=50.0)
+    check_equal(Simulation(scenario), settings, learners)
+
+
+def test_collisions():
+    scenario = load_scenario("doorway")
+    simulation = Simulation(scenario, config=SharedControlConfig(driver="human", end="duration"))
+    clumsy = [
+        TrialSettings(seed=seed, route=route.name, behaviour=Behaviour(noise=2.5, skill=0.3, noise_time=1.0))
+        for seed in range(4)
+        for route in scenario.routes
+    ]
+    trials = check_equal(simulation, clumsy)
+    assert sum(trial["contact"].any() for trial in trials) > len(trials) / 2
+
+
+def test_another_robot_and_period():
+    scenario = copy.deepcopy(load_scenario("two_obstacles"))
+    scenario.robot.max_speed, scenario.robot.track = 0.8, 0.4
+    scenario.control_period, scenario.duration = 0.04, 8.0
+    simulation = Simulation(scenario, learner=learner_of("two_obstacles"))
+    check_equal(simulation, [TrialSettings(seed=1, behaviour=Behaviour(delay=0.03, speed_factor=2.0))])
+
+
+def test_a_trial_does_not_depend_on_the_others():
+    scenario = load_scenario("two_obstacles")
+    engine = Lockstep(Simulation(scenario, learner=learner_of("two_obstacles")))
+    settings = [operator_settings(scenario, "unskilled", seed=seed) for seed in range(70)]
+    together = list(engine.run(settings))
+    for index in (0, 33, 69):
+        (alone,) = engine.run(settings[index : index + 1])
+        for name, values in alone.columns.items():
+            assert np.array_equal(values, together[index][name], equal_nan=True), name
