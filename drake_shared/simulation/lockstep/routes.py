@@ -69,4 +69,5 @@ class TrialRoutes:
 
     def _index(self, arc_length: Floats) -> Integers:
         index = np.rint(arc_length / self._spacing)
-        return np.minimum(np.maximum(index, 0.0), self._last).astype(np.int64)
+        held: Integers = np.minimum(np.maximum(index, 0.0), self._last).astype(np.int64)
+        return held
