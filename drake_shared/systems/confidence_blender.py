@@ -116,7 +116,8 @@ class ConfidenceBlender(Arbiter):
 
     def DoCalcWeight(self, context: Context) -> float:
         """w = 1 - c_f, from 0 to 1."""
-        return confidence_weight(self.confidence(context))
+        weight: float = confidence_weight(self.confidence(context))
+        return weight
 
     # With an authority one cache entry holds weight and command, for every driver.
     def _calc_weight(self, context: Context, output: BasicVector) -> None:
