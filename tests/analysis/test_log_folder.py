@@ -297,7 +297,16 @@ def test_a_full_disk_ends_the_batch_and_keeps_earlier_logs(batch, tmp_path, monk
 
 def test_a_full_disk_ends_the_program_with_status_1_and_one_line(short, tmp_path):
     ran = subprocess.run(
-        [sys.executable, "-c", LIMITED, *command(short, tmp_path / "logs"), "--workers", "2"],
+        [
+            sys.executable,
+            "-c",
+            LIMITED,
+            *command(short, tmp_path / "logs"),
+            "--workers",
+            "2",
+            "--engine",
+            "drake",
+        ],
         capture_output=True,
         text=True,
         timeout=60,
