@@ -36,15 +36,13 @@ def as_points(positions: NDArray[np.float64]) -> NDArray[Any]:
     return np.ascontiguousarray(positions)
 
 
-def as_point(position: Sequence[float], points: NDArray[Any]) -> complex | NDArray[np.float64]:
-    """One position (D,) in the form of ``points``, which are of `as_points`."""
-    return complex(*position) if points.dtype.kind == "c" else np.array(position)
+def as_point(position: Sequence[float]) -> complex | NDArray[np.float64]:
+    """One position (D,) in the form of `as_points`."""
+    return complex(*position) if len(position) == 2 else np.array(position)
 
 
 def lengths(offsets: NDArray[Any]) -> NDArray[np.float64]:
     """Euclidean lengths (...) of differences of `as_points`."""
-    planar = offsets.dtype.kind == "c"
-    result: NDArray[np.float64] = (
-        np.abs(offsets) if planar else np.sqrt(np.einsum("...d,...d", offsets, offsets))
-    )
-    return result
+    if offsets.dtype == np.complex128:
+        return np.abs(offsets)  # type: ignore[no-any-return]
+    return np.sqrt(np.einsum("...d,...d", offsets, offsets))  # type: ignore[no-any-return]

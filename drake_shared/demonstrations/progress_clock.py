@@ -54,8 +54,7 @@ class ProgressClock:
         # Points behind count too: otherwise a clock ahead of the robot takes the point it has reached for the
         # nearest, gains the tolerance at every step, and runs away from slow demonstrations.
         first, last = self.window(reached)
-        offsets = self.points[first:last] - as_point(position, self.points)
-        distances = lengths(offsets).min(axis=1).tolist()
+        distances = lengths(self.points[first:last] - as_point(position)).min(axis=1).tolist()
         limit = min(distances) + self.tolerance
         for index in reversed(range(len(distances))):
             if distances[index] <= limit:

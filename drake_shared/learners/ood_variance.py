@@ -75,7 +75,7 @@ class OodVariance:
         index = min(int(step), self._last)
         offsets = (step - index) * self._steps[index]
         offsets += self._points[index]
-        offsets -= as_point(position, self._points)
+        offsets -= as_point(position)
         # Demonstrations are few: a list of them has its minimum sooner than an array.
         distances: list[float] = lengths(offsets).tolist()
         return min(distances)

@@ -93,7 +93,7 @@ class GridLearner(StoredLearner):
         """T, in [s]."""
         return float(self.grid[-1])
 
-    @property
+    @cached_property
     def position_size(self) -> int:
         """D."""
         return int(self.demonstrations.shape[2])

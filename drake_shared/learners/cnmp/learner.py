@@ -131,6 +131,7 @@ class _Predictor:
             (np.ascontiguousarray(weights.T), bias[None, :, None]) for weights, bias in learner.decoder[1:]
         ]
         self._on_grid = {0: self._prepare(self._grid)}
+        self._compared: dict[int, Array] = {}
 
     def predict(
         self, times: Array, positions: Array, queries: Array, counts: Sequence[int]
@@ -213,8 +214,12 @@ class _Predictor:
     def _prepared(self, queries: Array) -> _Queries:
         """`_prepare`, kept for queries that are the rest of the grid."""
         start = len(self._grid) - len(queries)
-        if start < 0 or not (queries == self._grid[start:]).all():
-            return self._prepare(queries)
+        if queries is not self._compared.get(start):
+            if start < 0 or not (queries == self._grid[start:]).all():
+                return self._prepare(queries)
+            # A read-only array need not be compared again.
+            if not queries.flags.writeable:
+                self._compared[start] = queries
         prepared = self._on_grid.get(start)
         if prepared is None:
             # numpy is twice as fast on contiguous rows.
