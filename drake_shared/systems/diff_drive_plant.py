@@ -98,23 +98,26 @@ class DiffDrivePlant(LeafSystem):
 
         self._command_port = self.DeclareVectorInputPort("wheel_command", 2)
         self._query_port = self.DeclareAbstractInputPort("geometry_query", Value(QueryObject()))
-        self._pose_index = self.DeclareDiscreteState(np.array([start.x, start.y, start.yaw]))
-        self._wheels_index = self.DeclareDiscreteState(2)
-        self._contact_index = self.DeclareDiscreteState(1)
-        pose_ticket = self.discrete_state_ticket(self._pose_index)
-        self._pose_port = self.DeclareStateOutputPort("pose", self._pose_index)
-        self._speed_port = self.DeclareStateOutputPort("wheel_speed", self._wheels_index)
+        pose_index = self.DeclareDiscreteState(np.array([start.x, start.y, start.yaw]))
+        wheels_index = self.DeclareDiscreteState(2)
+        contact_index = self.DeclareDiscreteState(1)
+        # Access by int takes half the time of access by DiscreteStateIndex.
+        self._pose_index, self._wheels_index = int(pose_index), int(wheels_index)
+        self._contact_index = int(contact_index)
+        pose_ticket = self.discrete_state_ticket(pose_index)
+        self._pose_port = self.DeclareStateOutputPort("pose", pose_index)
+        self._speed_port = self.DeclareStateOutputPort("wheel_speed", wheels_index)
         self._geometry_pose_port = self.DeclareAbstractOutputPort(
             "geometry_pose", lambda: Value(FramePoseVector()), self._calc_geometry_pose, {pose_ticket}
         )
         query_ticket = self.input_port_ticket(self._query_port.get_index())
         if obstacles_move:
-            contact_ticket = self.discrete_state_ticket(self._contact_index)
+            contact_ticket = self.discrete_state_ticket(contact_index)
             self._contact_port = self.DeclareVectorOutputPort(
                 "contact", 1, self._calc_contact, {pose_ticket, contact_ticket, query_ticket}
             )
         else:
-            self._contact_port = self.DeclareStateOutputPort("contact", self._contact_index)
+            self._contact_port = self.DeclareStateOutputPort("contact", contact_index)
         self._clearance_port = self.DeclareVectorOutputPort(
             "clearance",
             1,
@@ -211,9 +214,10 @@ class DiffDrivePlant(LeafSystem):
             )
         if contact:
             reached = speeds_in_contact(reached)
-        state.set_value(self._pose_index, [x, y, yaw])
-        state.set_value(self._wheels_index, reached)
-        state.set_value(self._contact_index, [float(contact)])
+        # Arrays are converted faster than lists.
+        state.set_value(self._pose_index, np.array([x, y, yaw]))
+        state.set_value(self._wheels_index, np.array(reached))
+        state.set_value(self._contact_index, np.array([float(contact)]))
 
     def _distances(self, query: Any) -> Distances:
         def distances(x: float, y: float, threshold: float) -> list[tuple[float, float, float]]:

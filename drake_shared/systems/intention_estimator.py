@@ -126,10 +126,11 @@ class IntentionEstimator(LeafSystem):
         self._size = len(robot.position_names)
         self._pose_port = self.DeclareVectorInputPort("pose", len(robot.configuration_names))
         self._human_port = self.DeclareVectorInputPort("human_command", len(robot.command_names))
-        self._learner_index = self.DeclareAbstractParameter(Value(PreparedLearner(learner, robot)))
-        self._gain_index = self.DeclareNumericParameter(BasicVector([learner.confidence_gain]))
-        self._progress_index = self.DeclareDiscreteState(1)
-        self._expected_index = self.DeclareDiscreteState(np.full(self._size * MOMENTS, math.nan))
+        # Access by int takes half the time of access by Drake's index types.
+        self._learner_index = int(self.DeclareAbstractParameter(Value(PreparedLearner(learner, robot))))
+        self._gain_index = int(self.DeclareNumericParameter(BasicVector([learner.confidence_gain])))
+        self._progress_index = int(self.DeclareDiscreteState(1))
+        self._expected_index = int(self.DeclareDiscreteState(np.full(self._size * MOMENTS, math.nan)))
         prerequisites = {
             self.time_ticket(),
             self.xd_ticket(),
@@ -275,5 +276,5 @@ class IntentionEstimator(LeafSystem):
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         estimate = self._intention_port.Eval(context)
-        state.set_value(self._progress_index, [estimate.time])
+        state.set_value(self._progress_index, np.array([estimate.time]))
         state.set_value(self._expected_index, estimate.expected)

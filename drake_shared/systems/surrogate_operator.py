@@ -79,16 +79,17 @@ class SurrogateOperator(LeafSystem):
         self._chance_port = self.DeclareVectorInputPort("chance", 4)
         self._weight_port = self.DeclareVectorInputPort("human_weight", 1)
         self._shared_port = self.DeclareVectorInputPort("shared_command", 2)
-        self._route_index = self.DeclareAbstractParameter(
-            Value(_IntendedRoute(scenario.path_of(scenario.routes[0])))
-        )
-        self._behaviour_index = self.DeclareAbstractParameter(Value(Behaviour()))
-        self._command_index = self.DeclareDiscreteState(2)
+        first = _IntendedRoute(scenario.path_of(scenario.routes[0]))
+        self._route_index = int(self.DeclareAbstractParameter(Value(first)))
+        self._behaviour_index = int(self.DeclareAbstractParameter(Value(Behaviour())))
+        command_index = self.DeclareDiscreteState(2)
+        # Access by int takes half the time of access by Drake's index types.
+        self._command_index = int(command_index)
         # Arc length reached on the route, in [m]; the noise on both wheels, and their intended speeds, in
         # [rad/s].
-        self._mind_index = self.DeclareDiscreteState(5)
-        self._seen_index = self.DeclareDiscreteState(self._law.initial_memory)
-        self._command_port = self.DeclareStateOutputPort("human_command", self._command_index)
+        self._mind_index = int(self.DeclareDiscreteState(5))
+        self._seen_index = int(self.DeclareDiscreteState(self._law.initial_memory))
+        self._command_port = self.DeclareStateOutputPort("human_command", command_index)
         DeclareDiscreteUpdate(self, period=self._period, update=self._update)
 
     def get_pose_input_port(self) -> InputPort:
@@ -155,8 +156,9 @@ class SurrogateOperator(LeafSystem):
                 command = self._answer_assistance(context, behaviour, intended, last)
         else:
             command = intended = [0.0, 0.0]  # Without hands on the controls there is no noise either.
-        state.set_value(self._command_index, command)
-        state.set_value(self._mind_index, [reached, left_noise, right_noise, *intended])
+        # Arrays are converted faster than lists.
+        state.set_value(self._command_index, np.array(command))
+        state.set_value(self._mind_index, np.array([reached, left_noise, right_noise, *intended]))
         state.set_value(self._seen_index, seen)
 
     def _answer_assistance(
