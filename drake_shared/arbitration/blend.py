@@ -37,6 +37,8 @@ def finite_weight(weight: Real, autonomous: Reals, xp: Elementwise = FLOATS) -> 
 def finite_command(command: Reals, xp: Elementwise = FLOATS) -> Sequence[Real]:
     """``command`` (M,), or zeros where it has a NaN or infinite element."""
     finite = xp.isfinite(sum(command))
+    if finite is True:  # Numbers, as in most steps of a diagram.
+        return list(command)
     return [xp.where(finite, element, 0.0) for element in command]
 
 
@@ -48,8 +50,11 @@ def blend(weight: Real, human: Reals, autonomous: Reals, xp: Elementwise = FLOAT
         human: Shape (M,); counts as zero where it is not finite.
         autonomous: Shape (M,); does not matter where w is 1.
     """
+    finite_human = finite_command(human, xp)
     alone, rest = weight >= 1.0, 1.0 - weight
+    if alone is True:
+        return finite_human
     return [
         xp.where(alone, own, weight * own + rest * other)
-        for own, other in zip(finite_command(human, xp), autonomous, strict=True)
+        for own, other in zip(finite_human, autonomous, strict=True)
     ]
