@@ -193,11 +193,10 @@ def limited_command(
     changes = [new - old for new, old in zip(command, before, strict=True)]
     furthest = xp.largest(map(abs, changes))
     most = authority.command_rate * period
-    within = furthest <= most
-    if within is True:
+    if xp.all(furthest <= most):
         return command
     share = most / xp.maximum(furthest, most)
     return [
-        xp.where(within, new, old + share * change)
+        xp.where(furthest <= most, new, old + share * change)
         for new, old, change in zip(command, before, changes, strict=True)
     ]

@@ -37,8 +37,8 @@ def finite_weight(weight: Real, autonomous: Reals, xp: Elementwise = FLOATS) -> 
 def finite_command(command: Reals, xp: Elementwise = FLOATS) -> Sequence[Real]:
     """``command`` (M,), or zeros where it has a NaN or infinite element."""
     finite = xp.isfinite(sum(command))
-    if finite is True:  # Numbers, as in most steps of a diagram.
-        return list(command)
+    if xp.all(finite):
+        return command
     return [xp.where(finite, element, 0.0) for element in command]
 
 
@@ -50,11 +50,10 @@ def blend(weight: Real, human: Reals, autonomous: Reals, xp: Elementwise = FLOAT
         human: Shape (M,); counts as zero where it is not finite.
         autonomous: Shape (M,); does not matter where w is 1.
     """
-    finite_human = finite_command(human, xp)
-    alone, rest = weight >= 1.0, 1.0 - weight
-    if alone is True:
-        return finite_human
-    return [
-        xp.where(alone, own, weight * own + rest * other)
-        for own, other in zip(finite_human, autonomous, strict=True)
-    ]
+    human, alone, rest = finite_command(human, xp), weight >= 1.0, 1.0 - weight
+    if xp.all(alone):
+        return human
+    blended = [weight * own + rest * other for own, other in zip(human, autonomous, strict=True)]
+    if xp.any(alone):
+        return [xp.where(alone, own, both) for own, both in zip(human, blended, strict=True)]
+    return blended

@@ -1,7 +1,8 @@
 """Functions with which one formula computes numbers or arrays of them.
 
 A formula takes `FLOATS` for single numbers, where numpy would be ten times slower, and `ARRAYS` for arrays.
-It has no branches: both results of a condition are computed, and ``where`` chooses.
+It has no branches that differ from trial to trial: both results of a condition are computed, and ``where``
+chooses.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ class Elementwise:
     Attributes:
         remainder: IEEE 754 remainder of a division, as `math.remainder`.
         largest: The largest of several numbers or, element by element, arrays.
+        all, any: Of an array of conditions, or of one condition: whether a case can be left out.
     """
 
     where: Callable[[Any, Real, Real], Real]
@@ -41,6 +43,8 @@ class Elementwise:
     isfinite: Callable[[Real], Any]
     remainder: Callable[[Real, Real], Real]
     largest: Callable[[Iterable[Real]], Real]
+    all: Callable[[Any], bool]
+    any: Callable[[Any], bool]
 
 
 FLOATS = Elementwise(
@@ -53,8 +57,10 @@ FLOATS = Elementwise(
     arctan2=math.atan2,
     copysign=math.copysign,
     isfinite=math.isfinite,
-    remainder=lambda x, y: math.remainder(x, y) if math.isfinite(x) else math.nan,
+    remainder=math.remainder,
     largest=max,
+    all=bool,
+    any=bool,
 )
 ARRAYS = Elementwise(
     where=np.where,
@@ -68,4 +74,6 @@ ARRAYS = Elementwise(
     isfinite=np.isfinite,
     remainder=lambda x, y: x - y * np.rint(x / y),
     largest=lambda values: functools.reduce(np.maximum, values),
+    all=np.all,
+    any=np.any,
 )

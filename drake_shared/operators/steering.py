@@ -133,9 +133,12 @@ class SteeringLaw:
         ramp = self._RAMP * travel_time
         cruise = length / (travel_time - ramp)
         to_end = travel_time - time
+        ramps = (time < ramp) | (to_end < ramp)
+        if not xp.any(ramps):
+            return cruise * (time - 0.5 * ramp), cruise
         # 0 after the end, 1 between the ramps.
         share = xp.maximum(xp.minimum(xp.minimum(time, to_end) / ramp, 1.0), 0.0)
-        gone = cruise * ramp * share**3 * (1.0 - 0.5 * share)
-        pace = cruise * share**2 * (3.0 - 2.0 * share)
+        gone = cruise * ramp * share * share * share * (1.0 - 0.5 * share)
+        pace = cruise * share * share * (3.0 - 2.0 * share)
         before_end = xp.where(to_end < ramp, length - gone, cruise * (time - 0.5 * ramp))
         return xp.where(time < ramp, gone, before_end), pace

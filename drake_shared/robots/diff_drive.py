@@ -135,13 +135,18 @@ class DiffDrive:
         dx, dy = target_x - x, target_y - y
         distance = xp.hypot(dx, dy)
         bearing = xp.remainder(xp.arctan2(dy, dx) - yaw, math.tau)
-        behind = abs(bearing) > 0.5 * math.pi
         # The chord of length d at angle b belongs to an arc of length d b/sin b and curvature 2 sin b/d.
-        speed = xp.where(behind, 0.0, distance / sine_ratio(bearing, xp) / duration)
-        left, right = self.wheel_speeds(speed, xp.where(behind, _TURN_GAIN, 2.0 / duration) * bearing, xp)
-        moves = xp.where(distance < scaled_length(self, _AT_TARGET), 0.0, 1.0)
-        known = xp.where(xp.isfinite(distance), moves, math.nan)
-        return known * left, known * right
+        speed, turn = distance / sine_ratio(bearing, xp) / duration, 2.0 * bearing / duration
+        behind = abs(bearing) > 0.5 * math.pi
+        if xp.any(behind):
+            speed, turn = xp.where(behind, 0.0, speed), xp.where(behind, _TURN_GAIN * bearing, turn)
+        left, right = self.wheel_speeds(speed, turn, xp)
+        least = scaled_length(self, _AT_TARGET)
+        drives = (distance >= least) & (distance < math.inf)
+        if xp.all(drives):
+            return left, right
+        rests = xp.where(distance < least, 0.0, math.nan)
+        return xp.where(drives, left, rests), xp.where(drives, right, rests)
 
     def conflict_angle(self, a: Reals, b: Reals, xp: Elementwise = FLOATS) -> Real:
         """Angle between two commands as twists (v, lever * yaw rate), in [rad].
@@ -166,5 +171,6 @@ class DiffDrive:
 
 def sine_ratio(angle: Real, xp: Elementwise = FLOATS) -> Real:
     """sin(angle) / angle, the ratio of a chord to its arc of twice that angle, in [rad]; 1 at 0."""
-    turns = abs(angle) > 1e-8
-    return xp.where(turns, xp.sin(angle), 1.0) / xp.where(turns, angle, 1.0)
+    # Of 1e-8 it is 1 to the last bit.
+    angle = xp.maximum(abs(angle), 1e-8)
+    return xp.sin(angle) / angle

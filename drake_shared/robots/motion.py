@@ -91,7 +91,7 @@ def motion(robot: DiffDrive, pose: Pose, wheels: Wheels, command: Wheels, durati
             if acceleration == 0.0 and yaw_acceleration == 0.0:
                 x, y = _arc_end(x, y, yaw, speed, yaw_rate, step, FLOATS)
             else:
-                x, y = _ramp_end(x, y, yaw, (speed, acceleration), (yaw_rate, yaw_acceleration), step, FLOATS)
+                x, y = _ramp_end(x, y, yaw, speed, acceleration, yaw_rate, yaw_acceleration, step, FLOATS)
             yaw += (yaw_rate + 0.5 * yaw_acceleration * step) * step
             speed += acceleration * step
             yaw_rate += yaw_acceleration * step
@@ -127,9 +127,17 @@ def motion_end(robot: DiffDrive, pose: Pose, wheels: Wheels, command: Wheels, du
         for piece in range(int(pieces.max())):
             since = piece * step
             now = yaw + (yaw_rate + 0.5 * yaw_acceleration * since) * since
-            turning = yaw_rate + yaw_acceleration * since, yaw_acceleration
-            moving = speed + acceleration * since, acceleration
-            x, y = _ramp_end(x, y, now, moving, turning, np.where(piece < pieces, step, 0.0), ARRAYS)
+            x, y = _ramp_end(
+                x,
+                y,
+                now,
+                speed + acceleration * since,
+                acceleration,
+                yaw_rate + yaw_acceleration * since,
+                yaw_acceleration,
+                np.where(piece < pieces, step, 0.0),
+                ARRAYS,
+            )
         yaw = yaw + (yaw_rate + 0.5 * yaw_acceleration * time) * time
         left = np.where(end >= left_time, command[0], left + rates[0] * time)
         right = np.where(end >= right_time, command[1], right + rates[1] * time)
@@ -150,18 +158,21 @@ def _ramp_end(
     x: Real,
     y: Real,
     yaw: Real,
-    forward: tuple[Real, Real],
-    turning: tuple[Real, Real],
+    speed: Real,
+    acceleration: Real,
+    yaw_rate: Real,
+    yaw_acceleration: Real,
     time: Real,
     xp: Elementwise,
 ) -> tuple[Real, Real]:
-    """The end of a path with constant accelerations, by quadrature; speeds with their rates of change."""
-    (speed, acceleration), (yaw_rate, yaw_acceleration) = forward, turning
+    """The end of a path with constant accelerations, by quadrature."""
+    cos, sin = xp.cos, xp.sin
     for node, weight in _QUADRATURE:
         at = node * time
         angle = yaw + (yaw_rate + 0.5 * yaw_acceleration * at) * at
         length = weight * time * (speed + acceleration * at)
-        x, y = x + length * xp.cos(angle), y + length * xp.sin(angle)
+        x = x + length * cos(angle)
+        y = y + length * sin(angle)
     return x, y
 
 
