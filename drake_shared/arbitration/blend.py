@@ -34,7 +34,7 @@ def finite_weight(weight: Real, autonomous: Reals, xp: Elementwise = FLOATS) -> 
     return xp.where(xp.isfinite(weight + sum(autonomous)), weight, 1.0)
 
 
-def finite_command(command: Reals, xp: Elementwise = FLOATS) -> Sequence[Real]:
+def finite_command(command: Reals, xp: Elementwise = FLOATS) -> Reals:
     """``command`` (M,), or zeros where it has a NaN or infinite element."""
     finite = xp.isfinite(sum(command))
     if xp.all(finite):
@@ -52,7 +52,7 @@ def blend(weight: Real, human: Reals, autonomous: Reals, xp: Elementwise = FLOAT
     """
     human, alone, rest = finite_command(human, xp), weight >= 1.0, 1.0 - weight
     if xp.all(alone):
-        return human
+        return list(human)
     blended = [weight * own + rest * other for own, other in zip(human, autonomous, strict=True)]
     if xp.any(alone):
         return [xp.where(alone, own, both) for own, both in zip(human, blended, strict=True)]

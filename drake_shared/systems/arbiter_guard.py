@@ -59,7 +59,7 @@ class ArbiterGuard(Arbiter):
     ) -> Sequence[float]:
         """The command of the arbiter; the human's where the agent's is NaN or infinite."""
         if not math.isfinite(sum(autonomous)):
-            return finite_command(human)
+            return list(finite_command(human))
         command: list[float] = self._watched_command_port.Eval(context).tolist()
         if not math.isfinite(sum(command)):
             raise self._failed(context, "shared_command must be finite", command)

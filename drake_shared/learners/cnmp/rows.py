@@ -42,7 +42,7 @@ class CnmpRows:
         self._beyond = (steps - before)[:, None] * (reference[before + 1] - reference[before])
         self._ood_variance = learner._ood_variance.table(times)
 
-    def predict(self, index: Index, positions: Array, first: Index) -> tuple[Array, Array]:
+    def predict(self, index: Index, positions: Array, first: Index) -> tuple[Array, Array, Array]:
         """Predicts after the first observation of each row, and after both.
 
         Args:
@@ -51,8 +51,9 @@ class CnmpRows:
             first: Shape (n,), ascending: index of the first query of each row in the learner's grid.
 
         Returns:
-            Mean in [m] and variance in [m^2], shapes (n, c, 2, Q), for the grid from ``first[0]`` on. What
-            comes before a row's own first query is finite and has no meaning.
+            Mean in [m], variance in [m^2], and the mean that an agent assists, which is another one if the
+            learner predicts modes: shapes (n, c, 2, Q), for the grid from ``first[0]`` on. What comes before
+            a row's own first query is finite and has no meaning.
         """
         predictor, size = self._predictor, positions.shape[-1]
         offsets = (positions - self._origin[index] - self._beyond[index]) / self._learner.scale
@@ -67,7 +68,7 @@ class CnmpRows:
         sigma += predictor._sigma_offset
         sigma *= sigma
         variance = sigma + self._ood_variance(index, positions)[..., None, None]
-        return mean, variance
+        return mean, variance, mean
 
     def _aggregate(self, codes: Floats) -> Floats:
         """One code (n, C) for the observations of each row, from their codes (n, c, C)."""

@@ -18,8 +18,8 @@ from drake_shared.learners.fields import Content, Number, Parts, Tensor
 from drake_shared.learners.modes import Modes
 from drake_shared.learners.stored import StoredLearner
 
-# An expert less probable than this has no noticeable effect, and is not evaluated.
-_NEGLIGIBLE = 1e-4
+NEGLIGIBLE = 1e-4
+"""An expert less probable than this has no noticeable effect, and is not evaluated."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,7 +80,7 @@ class MixtureLearner(StoredLearner):
         variances = np.full_like(means, math.nan)
         mean, variance = np.zeros((len(queries), size)), np.zeros((len(queries), size))
         # NaN passes: then all experts are evaluated, and the prediction is NaN.
-        used = [index for index, value in enumerate(probability) if not value < _NEGLIGIBLE]
+        used = [index for index, value in enumerate(probability) if not value < NEGLIGIBLE]
         for index in used:
             means[index], variances[index] = self.experts[index].predict(seen_times, seen, queries)
             mean += weights[index] * means[index]

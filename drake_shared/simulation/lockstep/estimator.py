@@ -156,8 +156,7 @@ class Estimators:
         now = observed[:, 0]
         first = self._first[now]
         start = int(first[0])
-        prediction = self._predictor.predict(observed, positions, first)
-        mean, variance = prediction[:2]
+        mean, variance, aimed = self._predictor.predict(observed, positions, first)
         to_come = (np.arange(start, self._count) >= first[:, None])[:, None]
         size = 2.0 * (self._count - first)
 
@@ -168,13 +167,13 @@ class Estimators:
             mean: Floats = whole.reshape(len(values), -1).sum(axis=1) / size
             return mean
 
-        total, chosen, moved = variance[:, 0], mean[:, 0], np.zeros(len(now))
+        total, chosen, moved = variance[:, 0], aimed[:, 0], np.zeros(len(now))
         if observed.shape[1] > 1:
             apart = np.square(mean[:, 1] - mean[:, 0])
             moved = np.where(pointed, np.sqrt(2.0 * mean_to_come(apart)), 0.0)
             both = np.maximum(np.maximum(total, variance[:, 1]), apart)
             total = np.where(pointed[:, None, None], both, total)
-            chosen = np.where(pointed[:, None, None], mean[:, 1], chosen)
+            chosen = np.where(pointed[:, None, None], aimed[:, 1], chosen)
         moments = self._moments[self._moments >= start]
         expected = mean[:, 0][:, :, moments - start].transpose(1, 2, 0)
         expected = np.where(moments[:, None] >= first, expected, math.nan)

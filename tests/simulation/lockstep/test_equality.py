@@ -1,12 +1,16 @@
 """Trials in lock-step are those of the Drake diagram."""
 
 import copy
+import dataclasses
 
 import numpy as np
 import pytest
 
 from drake_shared.common.files import models_directory
-from drake_shared.learners import load_learner
+from drake_shared.demonstrations import read_demonstrations
+from drake_shared.learners import load_learner, train
+from drake_shared.learners.ensemble.learner import EnsembleLearner
+from drake_shared.learners.mixture.learner import MixtureLearner
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.named import OPERATORS, changes_of_route
 from drake_shared.scenario import load_scenario
@@ -100,6 +104,45 @@ def test_human_agent_and_both_with_and_without_a_learner_in_one_block():
     ]
     settings[1] = TrialSettings(seed=3, route="left_left", confidence_gain=50.0)
     check_equal(Simulation(scenario), settings, learners)
+
+
+def made_of(cnmp, kind: str):
+    """A learner of another kind that consists of CNMPs, without training."""
+    first = dataclasses.replace(cnmp, demonstrations=cnmp.demonstrations[:1], weights=np.ones(1))
+    rest = dataclasses.replace(
+        learner_of("doorway"),
+        demonstrations=cnmp.demonstrations[1:],
+        weights=np.full(2, 0.5),
+        reference=cnmp.reference,
+    )
+    shared = {"confidence_gain": cnmp.confidence_gain, "metadata": cnmp.metadata, "preset": "default"}
+    if kind == "ensemble":
+        return EnsembleLearner(members=(cnmp, rest), **shared)
+    shares, leanings = np.array([0.4, 0.6]), np.array([1.3, 0.8])
+    return MixtureLearner(experts=(first, rest), shares=shares, leanings=leanings, noise=0.1, **shared)
+
+
+@pytest.mark.parametrize("kind", ["mixture", "ensemble"])
+@pytest.mark.parametrize("name", ["primary", "switching", "unskilled"])
+def test_learners_made_of_several_networks(kind, name):
+    scenario = load_scenario("two_obstacles")
+    simulation = Simulation(scenario, learner=made_of(learner_of("two_obstacles"), kind))
+    check_equal(simulation, [operator_settings(scenario, name, seed=seed) for seed in range(3)])
+
+
+def test_an_echo_state_network():
+    scenario = load_scenario("two_obstacles")
+    demonstrations = read_demonstrations(models_directory() / "demonstrations" / "two_obstacles.parquet")
+    simulation = Simulation(scenario, learner=train(demonstrations, learner="cesn"))
+    check_equal(simulation, [operator_settings(scenario, "unskilled", seed=seed) for seed in range(3)])
+
+
+def test_a_learner_of_its_own_for_each_trial():
+    scenario = load_scenario("two_obstacles")
+    cnmp = learner_of("two_obstacles")
+    learners = [cnmp, made_of(cnmp, "mixture"), learner_of("two_obstacles", "paper"), cnmp]
+    settings = [operator_settings(scenario, "signal-noise", seed=seed) for seed in range(4)]
+    check_equal(Simulation(scenario, config=SharedControlConfig()), settings, learners)
 
 
 def test_collisions():
