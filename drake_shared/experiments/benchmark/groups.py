@@ -21,6 +21,7 @@ GROUPS = {
     "trial": "trial",
     "training": "training",
     "batch": "batch",
+    "lockstep": "lockstep",
     "growth": "growth",
     "safety": "safety_filter",
 }

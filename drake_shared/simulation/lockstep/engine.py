@@ -14,10 +14,12 @@ from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
 from drake_shared.robots import DiffDrive
 from drake_shared.simulation.lockstep.arbiters import apply_driver, driver_weights, make_arbitration
+from drake_shared.simulation.lockstep.channel import Channels
 from drake_shared.simulation.lockstep.estimator import Estimators
 from drake_shared.simulation.lockstep.noise import Noise
 from drake_shared.simulation.lockstep.operator import Operators
 from drake_shared.simulation.lockstep.plant import Plants
+from drake_shared.simulation.lockstep.safety import SafetyFilters
 from drake_shared.simulation.lockstep.support import unsupported
 from drake_shared.simulation.settings import TrialSettings
 from drake_shared.simulation.trial import Simulation, Trial
@@ -113,6 +115,11 @@ class _Run:
         self._arbitration = arbitration
         noise = Noise([item.seed for item in settings], scenario.steps)
         self._operators = Operators(scenario, settings, noise)
+        self._channels = self._filters = None
+        if config.faults.on_channel:
+            self._channels = Channels(config.faults, scenario.control_period, noise)
+        if config.safety_clearance is not None:
+            self._filters = SafetyFilters(scenario, config.safety_clearance)
         # Estimators of the same learner, some of which may ignore the human's command.
         kinds = [(id(learner), driver != "agent") for learner, driver in zip(learners, drivers, strict=True)]
         found = list(dict.fromkeys(kinds))
@@ -150,6 +157,7 @@ class _Run:
             "expected": np.full((2 * MOMENTS, count), math.nan),
             "arbiter": arbitration.initial(count),
             "operator": self._operators.initial_state(settings),
+            "channel": {} if self._channels is None else self._channels.initial_state(count),
         }
 
     def to_end(self) -> tuple[Floats, NDArray[np.int64], NDArray[np.bool_]]:
@@ -179,7 +187,9 @@ class _Run:
         """The row (columns, n) of the log; replaces the state by that of the next step."""
         state, robot = self._state, self._robot
         pose, wheels, contact = state["pose"], state["wheels"], state["contact"]
-        human = state["operator"]["command"]
+        sent = human = state["operator"]["command"]
+        if self._channels is not None:
+            human = self._channels.receive(state["channel"], step, sent)
         estimates, target = self._estimate(step, pose, human)
         autonomous = np.stack(robot.command_toward(pose, target, self._look_ahead, ARRAYS))
         weight, shared, arbiter = self._arbitration.step(state["arbiter"], human, autonomous, estimates[0])
@@ -187,14 +197,20 @@ class _Run:
         clearance = self._plants.clearance(pose)
         confidence, variance, by_pose, by_command = estimates
         measures = [confidence, weight, variance, clearance, contact, by_pose, by_command]
-        row = np.concatenate([pose, human, autonomous, shared, wheels, np.stack(measures)])
+        row = [pose, sent, autonomous, shared, wheels, np.stack(measures)]
+        applied = shared
+        if self._filters is not None:
+            applied = self._filters.apply(pose, wheels, shared, clearance)
+            row.append(applied)
+        if self._channels is not None:
+            row.append(human)
         if not last:
             state["arbiter"] = arbiter
             self._operators.update(state["operator"], step, pose, shared, weight)
             state["pose"], state["wheels"], state["contact"] = self._plants.update(
-                pose, wheels, shared, clearance
+                pose, wheels, applied, clearance
             )
-        return row
+        return np.concatenate(row)
 
     def _estimate(self, step: int, pose: Floats, human: Floats) -> tuple[Floats, Floats]:
         """Confidence, mean variance and influences (4, n), and targets (2, n)."""

@@ -60,10 +60,9 @@ def unsupported(simulation: Simulation, learner: Learner | None = None) -> str |
         or make_arbitration(parts.driver_switch, scenario.robot) is None
     ):
         return f"arbiter {parts.arbitration['name']}"
-    if config.safety_clearance is not None:
-        return "a safety filter"
-    if config.faults:
-        return f"fault {', '.join(config.faults.to_json())}"
+    faults = config.faults
+    if faults.on_pose or faults.on_learner or faults.slip:
+        return f"fault {', '.join(faults.to_json())}"
     if learner is not None and not predicts_rows(learner):
         return f"learner {learner.name}"
     if not is_drakes():

