@@ -14,12 +14,12 @@ from drake_shared.common.files import check_writable, replacing
 
 @dataclasses.dataclass(kw_only=True)
 class Benchmark(Command):
-    """Measures predictions, trials, training, batches, growth and safety, each as ratios within one run."""
+    """Measures predictions, trials, training, batches, lock-step, growth and safety, as ratios within one run."""
 
     out: Path | None = None
     """Folder for benchmark.json and benchmark.png; default: the results are only printed."""
     only: tuple[str, ...] = ()
-    """Which groups: predict, trial, training, batch, growth, safety; default: all."""
+    """Which groups: predict, trial, training, batch, lockstep, growth, safety; default: all."""
     quick: bool = False
     """Rough results within a minute or two instead of half an hour."""
     repeats: int | None = None

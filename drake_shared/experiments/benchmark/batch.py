@@ -21,7 +21,7 @@ from drake_shared.simulation.trial import Simulation, TrialSettings
 
 WORKERS = (1, 2)
 _METHOD = (
-    "Shared-control trials to the goal by `run_batch` in Drake, with 1 and 2 workers in turns, in wall time. A "
+    "Shared-control trials in Drake to the goal by `run_batch`, with 1 and 2 workers in turns; wall time. A "
     "rate is that of a batch beyond one of a single trial per worker, so that starting the processes "
     "(each imports Drake for most of a second) does not count; the rate of the whole batch is given as "
     "well. Two workers can be no faster than the load of the machine allows. Memory is the resident "

@@ -22,10 +22,10 @@ ENGINE, DRAKE, WITH_METRICS, DRAKE_WITH_METRICS, IR_SIM = (
 )
 
 _METHOD = (
-    "Trials to the goal of the two-obstacle task, with the shipped learner: all in lock-step, in blocks, and a "
-    "few of them one after the other in the Drake diagram, whose times do not depend on their number. Times "
-    "are those of a trial, with and without its metrics; no logs are written. IR-SIM moves the same robot for "
-    "all control steps of the task, which are more than those to the goal."
+    "Trials to the goal of the two-obstacle task, with the shipped learner: all of them in lock-step, in "
+    "blocks, and a few one after the other in the Drake diagram, whose times do not depend on their number. "
+    "Times are those of one trial, with and without its metrics; no logs are written. IR-SIM moves the same "
+    "robot for all control steps of the task, which are more than those to the goal."
 )
 
 

@@ -26,6 +26,7 @@ def every_group(monkeypatch):
             "details": {"target": 0.1},
         },
         "batch": {"details": {"memory": memory, "trials_per_second": rates}},
+        "lockstep": {},
         "growth": {"curves": [curve]},
         "safety": {},
     }
