@@ -14,7 +14,7 @@ from drake_shared.common.files import check_writable, replacing
 
 @dataclasses.dataclass(kw_only=True)
 class Benchmark(Command):
-    """Measures predictions, trials, training, batches, lock-step, growth and safety, as ratios within one run."""
+    """Measures predictions, trials, training, batches, lock-step, growth and safety as ratios in one run."""
 
     out: Path | None = None
     """Folder for benchmark.json and benchmark.png; default: the results are only printed."""
