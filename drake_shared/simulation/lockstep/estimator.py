@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 # Rows of a block whose predictions stay in the cache.
-_ROWS = 64
+_ROWS = 128
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -60,8 +60,8 @@ def check_equal(simulation: Simulation, settings, learners=None) -> list:
         difference = max(abs(ours[name] - drakes[name]).max() for name in ("x", "y", "human_weight"))
         assert difference <= GROWN
         _differences.append(difference)
-        # The bearing of a near target amplifies differences in the agent's command.
-        tolerance = 1e4 * max(difference, WITHIN)
+        # A rounding in float32 changes the agent's command, and hardly the path.
+        tolerance = max(1e4 * difference, 1e-4)
         for name in drakes.columns:
             assert np.allclose(ours[name], drakes[name], rtol=0.0, atol=tolerance, equal_nan=True), name
     return alone
@@ -187,7 +187,7 @@ def test_a_trial_does_not_depend_on_the_others():
     [
         {"delay": 0.2, "jitter": 0.15, "loss": 0.3},
         {"freeze_time": 3.0, "freeze": 1.0, "human_nan": 0.2},
-        {"loss": 0.95},
+        {"loss": 0.7},
     ],
 )
 def test_faults_of_the_human_channel(faults):
