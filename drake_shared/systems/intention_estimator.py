@@ -224,7 +224,8 @@ class IntentionEstimator(LeafSystem):
         by_command = 0.0
         if pointed is not None:
             mean_with, variance_with = predictions[1]
-            moved = (mean_with - mean) ** 2
+            moved = mean_with - mean
+            moved *= moved
             whole_mean = prepared.padded(mean_with)
             variance = np.maximum(np.maximum(variance, variance_with), moved)
             by_command = math.sqrt(self._size * float(moved.sum()) / moved.size)
