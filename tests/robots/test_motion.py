@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from drake_shared.robots import DiffDrive
-from drake_shared.robots.motion import motion, ramps, speeds_after
+from drake_shared.robots.motion import motion, motion_end, ramps, speeds_after
 
 ROBOT = DiffDrive()
 LIMIT = ROBOT.max_wheel_acceleration
@@ -120,3 +120,18 @@ def test_where_the_robot_turns_back_a_piece_ends():
     xs = [x for x, *_ in motion(ROBOT, (0.0, 0.0, 0.0), (10.0, 10.0), (-10.0, -10.0), 3.0)]
     speed = 10.0 * ROBOT.wheel_radius
     assert max(xs) == pytest.approx(speed**2 / (2 * ROBOT.max_acceleration))
+
+
+def test_the_ends_of_many_steps_are_those_of_each():
+    rng = np.random.default_rng(3)
+    robot, count = DiffDrive(), 400
+    pose = rng.uniform(-3.0, 3.0, (3, count))
+    wheels, command = rng.uniform(-robot.max_wheel_speed, robot.max_wheel_speed, (2, 2, count))
+    # Some wheels hold their speeds.
+    command[:, ::5] = wheels[:, ::5]
+    command[0, 1::5] = wheels[0, 1::5]
+    for duration in (0.05, 0.7):
+        ends = np.stack(motion_end(robot, tuple(pose), tuple(wheels), tuple(command), duration))
+        for row in range(count):
+            own = (tuple(part[:, row].tolist()) for part in (pose, wheels, command))
+            np.testing.assert_allclose(ends[:, row], motion(robot, *own, duration)[-1], rtol=0.0, atol=1e-9)
