@@ -11,6 +11,7 @@ from drake_shared.cli.options import LearnerOptions
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_target
 from drake_shared.learners import Learner
+from drake_shared.learners.calibration import Calibration
 from drake_shared.scenario import Scenario
 
 
@@ -28,6 +29,8 @@ class Evaluate(LearnerOptions):
     """Seed of the noise, the fresh drives and the trials."""
     recalibrate: Path | None = None
     """Write the learner here with its standard deviations scaled to fit the demonstrations."""
+    calibration: Calibration = "percentile"
+    """How K of that file is found: from the 95th percentile of the variance, or the largest (the paper)."""
     figure: Path | None = None
     """Write a reliability diagram here (PNG)."""
     json: bool = False
@@ -37,6 +40,7 @@ class Evaluate(LearnerOptions):
         """Runs the command."""
         from drake_shared.analysis.evaluation import draw_reliability, evaluate, prediction_errors
         from drake_shared.demonstrations import read_demonstrations
+        from drake_shared.learners.loss_threshold import loss_threshold
         from drake_shared.scenario import load_scenario
         from drake_shared.simulation.teaching import teach
 
@@ -54,6 +58,7 @@ class Evaluate(LearnerOptions):
             demonstrations = teach(scenario, count=3 * len(scenario.routes), seed=self.seed + 10_000)
         found = prediction_errors(learner, demonstrations, noise=self.noise, seed=self.seed)
         result: dict[str, Any] = {"model": str(path), **evaluate(found)}
+        result["loss_threshold"] = loss_threshold(learner.metadata)
         if self.trials:
             result["confidence"] = self._assess(scenario, learner)
         if self.figure is not None:
@@ -64,7 +69,7 @@ class Evaluate(LearnerOptions):
 
             if not isinstance(learner, ScalableLearner):
                 raise InputError(path, "learner", "must have a method 'scaled'", learner.name)
-            gain = calibrate(learner.scaled(result["scale"]), demonstrations)
+            gain = calibrate(learner.scaled(result["scale"]), demonstrations, calibration=self.calibration)
             scaled = learner.scaled(result["scale"], confidence_gain=gain)
             save_learner(scaled, self.recalibrate)
             say(f"wrote {self.recalibrate}: standard deviations times {result['scale']:.3f}")
@@ -102,6 +107,9 @@ class Evaluate(LearnerOptions):
 
 
 def _print(result: dict[str, Any]) -> None:
+    if (end := result["loss_threshold"]) is not None:
+        reached = "reached" if end["reached"] else "not reached, training stopped early"
+        print(f"  loss in training {end['loss']:.2f}, threshold {end['threshold']:g}: {reached}")
     names = ("nll", "ade", "fde", "crps", "coverage50", "coverage90", "coverage95", "scale")
     for name in names:
         print(f"  {name:28s} {result[name]:9.4g}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from drake_shared.analysis.weight_figure import draw_weights
 from drake_shared.cli.command import Command
@@ -16,6 +16,8 @@ from drake_shared.demonstrations import (
     read_demonstrations,
     score_demonstrations,
 )
+from drake_shared.demonstrations.weights import DEFAULT_WIDTH
+from drake_shared.learners.calibration import Calibration
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -45,7 +47,12 @@ class Train(Command):
     seconds: float | None = None
     """Time limit of the training, in s, for which the iterations are planned."""
     iterations: int | None = None
-    """Number of iterations; default: the preset's."""
+    """Limit on the iterations; default: the preset's. "paper" stops when its loss is below a threshold."""
+    score_width: float | None = None
+    """Width of the sampling density over the scores, in standard deviations of the scores; default: 2."""
+    calibration: Calibration = "percentile"
+    """How K is found: from the 95th percentile of the variance along the demonstrations, or the largest, as
+    in the paper."""
     show_weights: Path | None = None
     """Write a figure of scores and sampling weights here (PNG), as in the paper's Fig. 5."""
     json: bool = False
@@ -58,11 +65,16 @@ class Train(Command):
         demonstrations = self._read()
         check_target(self.out)
         from drake_shared.learners import find_learner, save_learner, train
+        from drake_shared.learners.loss_threshold import early_stop
 
         find_learner(self.learner, source="--learner")
         if self.show_weights is not None:
             check_target(self.show_weights)
-            draw_weights(demonstrations, self.show_weights)
+            draw_weights(
+                demonstrations,
+                self.show_weights,
+                width=self.score_width if self.score_width is not None else DEFAULT_WIDTH,
+            )
             say(f"wrote {self.show_weights}")
 
         with tqdm(unit="it", desc="training", disable=None) as bar:
@@ -82,6 +94,7 @@ class Train(Command):
                 seconds=self.seconds,
                 iterations=self.iterations,
                 progress=progress,
+                **self._changes(),
             )
         save_learner(learner, self.out)
         record = learner.metadata.get("training", {})
@@ -90,6 +103,8 @@ class Train(Command):
             f"wrote {self.out}: {learner.name}, {len(demonstrations)} demonstrations{took}, "
             f"K = {learner.confidence_gain:.4g} per m^2"
         )
+        if (warning := early_stop(learner.metadata)) is not None:
+            say(f"warning: {warning}")
         if self.json:
             print_json(
                 {
@@ -100,6 +115,15 @@ class Train(Command):
                     "training": record,
                 }
             )
+
+    def _changes(self) -> dict[str, Any]:
+        """Options that not every learner accepts, where they differ from their defaults."""
+        changes: dict[str, Any] = {}
+        if self.score_width is not None:
+            changes["score_width"] = self.score_width
+        if self.calibration != "percentile":
+            changes["calibration"] = self.calibration
+        return changes
 
     def _read(self) -> Demonstrations:
         column = None

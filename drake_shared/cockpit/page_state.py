@@ -10,6 +10,7 @@ from pydrake.systems.framework import LeafSystem
 
 from drake_shared.analysis.metrics import metrics
 from drake_shared.learners import Learner
+from drake_shared.learners.loss_threshold import early_stop
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.trial import RunningTrial, Simulation, Trial
 from drake_shared.systems.mouse_input import MouseInput
@@ -38,6 +39,7 @@ def describe_scene(scenario: Scenario, operator: LeafSystem, learner: Learner | 
         "max_speed": operator.max_speed if driven else robot.max_speed,
         "max_yaw_rate": operator.max_yaw_rate if driven else 2.0,
         "learner": None if learner is None else learner.name,
+        "learner_warning": None if learner is None else early_stop(learner.metadata),
         "driven": driven,
     }
 

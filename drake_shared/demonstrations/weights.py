@@ -15,6 +15,8 @@ from drake_shared.demonstrations.trajectories import Demonstrations
 Scorer = Callable[[NDArray[np.float64]], float]
 """Takes the positions (n, D) of one demonstration in [m]; the higher the result the better."""
 
+DEFAULT_WIDTH = 2.0
+"""Of the density over scores, in standard deviations of the scores."""
 # Of the extent of the demonstrations; scores that differ by less count as equal.
 _MIN_WIDTH = 0.01
 
@@ -29,7 +31,7 @@ def sampling_weights(
     Args:
         scores: Shape (m,), m >= 1; the higher the better, of either sign.
         width: Standard deviation of the density, in the unit of the scores, positive. Default: twice the
-            standard deviation of the scores (ddof 0), at least ``min_width``.
+            standard deviation of the scores (ddof 0), `DEFAULT_WIDTH`, at least ``min_width``.
         min_width: Least default width, in the unit of the scores.
 
     Returns:
@@ -45,7 +47,7 @@ def sampling_weights(
     if len(bad):
         raise InputError("scores", f"demonstration {bad[0]}", "must be finite", values[bad[0]])
     if width is None:
-        width = max(2.0 * float(values.std()), min_width)
+        width = max(DEFAULT_WIDTH * float(values.std()), min_width)
     if not (np.isfinite(width) and width > 0.0):
         raise InputError("scores", "width", "must be positive and finite", width)
     density: NDArray[np.float64] = np.exp(-0.5 * np.square((values - values.max()) / width))
@@ -53,19 +55,30 @@ def sampling_weights(
     return density
 
 
-def demonstration_weights(demonstrations: Demonstrations, *, weighted: bool = True) -> NDArray[np.float64]:
+def demonstration_weights(
+    demonstrations: Demonstrations, *, weighted: bool = True, width: float = DEFAULT_WIDTH
+) -> NDArray[np.float64]:
     """Sampling probabilities of demonstrations, shape (m,): `sampling_weights` of their scores.
 
     The width of the density is at least a hundredth of the demonstrations' extent, so that a task of another
     size has the same weights. They are even if ``weighted`` is False or a score is unknown.
 
+    Args:
+        demonstrations: At least one.
+        weighted: Whether scores weight them.
+        width: Of the density, in standard deviations of the scores (ddof 0), positive. The smaller it is, the
+            more the best demonstration outweighs the others.
+
     Raises:
-        InputError: A score is not finite.
+        InputError: A score, or the width, is not finite, or the width is not positive.
     """
+    if not (np.isfinite(width) and width > 0.0):
+        raise InputError("scores", "width", "must be positive and finite", width)
     scores = demonstrations.scores
     if scores is None or not weighted:
         return np.full(len(demonstrations), 1.0 / len(demonstrations))
-    return sampling_weights(scores, min_width=min_score_width(demonstrations))
+    least = min_score_width(demonstrations)
+    return sampling_weights(scores, max(width * float(np.std(scores)), least))
 
 
 def min_score_width(demonstrations: Demonstrations) -> float:

@@ -58,7 +58,7 @@ def training_cost(preset: str, count: int) -> float:
     Training is limited by the memory bandwidth that processes share; a single process is faster.
     """
     groups = -(-count // _TRAINED_TOGETHER)
-    return 8.5 * groups + 3.5 * count if preset == "paper" else 4.0 * groups + 1.2 * count
+    return 12.0 * count if preset == "paper" else 4.0 * groups + 1.2 * count
 
 
 def ignores_observations(learner: Learner) -> bool:

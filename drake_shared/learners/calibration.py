@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +17,22 @@ LEAST_CONFIDENCE = 0.05
 PERCENTILE = 95.0
 MAX_CONDITIONS = 3_000
 
+Calibration = Literal["percentile", "largest"]
+CALIBRATIONS: tuple[Calibration, ...] = get_args(Calibration)
 
-def calibrate(learner: Learner, demonstrations: Demonstrations, *, resolution: float = 0.0) -> float:
+
+def calibrate(
+    learner: Learner,
+    demonstrations: Demonstrations,
+    *,
+    resolution: float = 0.0,
+    calibration: Calibration = "percentile",
+) -> float:
     """K of eq. (1) of Amirshirzad et al. 2022, "such that c_f is close to 0 when sigma reaches its maximum".
 
-    Close to 0 is 0.05, and the maximum is the 95th percentile of the mean variance that the learner predicts
-    from one point of one demonstration at a time: the maximum itself varies twofold with the seed.
+    Close to 0 is 0.05. The learner predicts from one point of one demonstration at a time, and the maximum is
+    that of the mean variance of eq. (1), or its 95th percentile: the maximum itself varies twofold with the
+    seed.
 
     Args:
         learner: Its own K has no effect.
@@ -29,6 +40,7 @@ def calibrate(learner: Learner, demonstrations: Demonstrations, *, resolution: f
         resolution: Standard deviation in [m] that is negligible, whatever the demonstrations: K is at most
             1/resolution^2. Without it a single demonstration, which leaves no uncertainty, would have a
             confidence of 0.05 everywhere.
+        calibration: "percentile", or "largest", the maximum itself, as in the paper.
 
     Returns:
         K, in [1/m^2].
@@ -37,7 +49,8 @@ def calibrate(learner: Learner, demonstrations: Demonstrations, *, resolution: f
         InputError: The variance is not positive and finite.
     """
     paths = [resample(item, learner.grid) for item in demonstrations]
-    largest = float(np.percentile(variances_along(learner, paths), PERCENTILE))
+    percentile = 100.0 if calibration == "largest" else PERCENTILE
+    largest = float(np.percentile(variances_along(learner, paths), percentile))
     if not (math.isfinite(largest) and largest > 0.0):
         source = f"learner {getattr(learner, 'name', type(learner).__name__)!r}"
         raise InputError(source, "variance", "must be positive and finite along demonstrations", largest)

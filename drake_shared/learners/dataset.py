@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from drake_shared.common.arrays import path_at
 from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import Demonstration, Demonstrations, demonstration_weights
+from drake_shared.demonstrations.weights import DEFAULT_WIDTH
 
 SPACING = 0.1
 """Of the grid, in [s]; half of it changes the human's weight by less than 0.005."""
@@ -56,7 +57,11 @@ class Dataset:
 
 
 def make_dataset(
-    demonstrations: Demonstrations, *, weighted: bool = True, duration: float | None = None
+    demonstrations: Demonstrations,
+    *,
+    weighted: bool = True,
+    duration: float | None = None,
+    score_width: float = DEFAULT_WIDTH,
 ) -> Dataset:
     """Resamples demonstrations of any rate and length on one grid.
 
@@ -67,9 +72,10 @@ def make_dataset(
         demonstrations: At least one.
         weighted: Whether scores, where all have one, determine the weights; else they are even.
         duration: T, in [s]; default: that of the longest demonstration.
+        score_width: Of `demonstration_weights`.
 
     Raises:
-        InputError: A score is not finite, or ``duration`` is not positive and finite.
+        InputError: A score is not finite, or ``duration`` or ``score_width`` is not positive and finite.
     """
     longest = max(float(item.times[-1] - item.times[0]) for item in demonstrations)
     length = longest if duration is None else float(duration)
@@ -86,7 +92,7 @@ def make_dataset(
     return Dataset(
         grid=grid,
         positions=positions,
-        weights=demonstration_weights(demonstrations, weighted=weighted),
+        weights=demonstration_weights(demonstrations, weighted=weighted, width=score_width),
         mean_path=mean_path,
         spread=spread,
         extent=extent,
@@ -125,7 +131,7 @@ def normalization(dataset: Dataset, *, centred: bool) -> tuple[float, NDArray[np
     if centred:
         return dataset.spread, dataset.mean_path
     middle = 0.5 * (dataset.positions.min(axis=(0, 1)) + dataset.positions.max(axis=(0, 1)))
-    return 0.5 * dataset.extent or 1.0, np.broadcast_to(middle, dataset.mean_path.shape).copy()
+    return dataset.spread, np.broadcast_to(middle, dataset.mean_path.shape).copy()
 
 
 def _source(provenance: Mapping[str, Any]) -> dict[str, Any]:

@@ -322,6 +322,27 @@ def test_teach_then_train_make_a_learner_of_the_task(taught):
     assert learner.demonstrations.shape[0] == 3
 
 
+def test_a_training_that_stops_early_is_reported_by_train_and_evaluate(cli, taught, tmp_path):
+    arguments = (
+        "train",
+        "--demos",
+        taught / "demos.parquet",
+        "--out",
+        tmp_path / "early",
+        "--preset",
+        "paper",
+    )
+    status, out, err = cli(*arguments, "--iterations", 5, "--calibration", "largest", "--json")
+    assert (status, json.loads(out)["training"]["reached_threshold"]) == (0, False)
+    assert "warning" in err
+    evaluate = ("evaluate", "--demos", taught / "demos.parquet", "--trials", 0, "--json")
+    found = json.loads(cli(*evaluate, "--model", tmp_path / "early")[1])["loss_threshold"]
+    assert found["threshold"] == -6.0 < found["loss"]
+    assert not found["reached"]
+    assert json.loads(cli(*evaluate, "--preset", "paper")[1])["loss_threshold"]["reached"]
+    assert json.loads(cli(*evaluate)[1])["loss_threshold"] is None
+
+
 def test_simulate_shares_the_control_with_it(cli, taught, tmp_path):
     arguments = ("simulate", "--model", taught / "learner", "--trials", "2", "--json", "--out")
     status, out, err = cli(*arguments, tmp_path / "one")

@@ -22,6 +22,11 @@ def test_confidence_is_one_twentieth_at_the_95th_percentile(make_bows):
     assert confidence(percentile, gain) == pytest.approx(0.05)
 
 
+def test_as_the_paper_says_it_is_one_twentieth_at_the_largest_variance(make_bows):
+    gain = calibrate(Ramp(), make_bows([1.0, -1.0]), calibration="largest")
+    assert confidence(1.0, gain) == pytest.approx(0.05)
+
+
 def test_the_resolution_bounds_the_gain(make_bows):
     assert calibrate(Ramp(), make_bows([1.0]), resolution=0.5) == pytest.approx(1 / 0.5**2)
 

@@ -42,7 +42,8 @@ export class Panel {
 
   setScene(scene) {
     this.#scene = scene;
-    at("task").textContent = `${scene.scenario} · ${scene.learner ?? "no learner"}`;
+    const parts = [scene.scenario, scene.learner ?? "no learner", scene.learner_warning];
+    at("task").textContent = parts.filter(Boolean).join(" · ");
     for (const element of document.querySelectorAll(".driven-only")) element.hidden = !scene.driven;
     for (const element of document.querySelectorAll(".human-name")) {
       element.textContent = scene.driven ? "You" : "Human";

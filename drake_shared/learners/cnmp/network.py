@@ -60,6 +60,15 @@ class CnmpNetwork:
         layers = [tensor for layer in (*self._encoder, *self._rest) for tensor in layer]
         return [*layers, self._of_code, self._of_time, self._bias]
 
+    def keep(self, indices: Sequence[int]) -> None:
+        """Drops all networks but those at ``indices``; `parameters` are others afterwards."""
+        chosen = list(indices)
+        self._encoder = [(_leaf(weights[chosen]), _leaf(bias[chosen])) for weights, bias in self._encoder]
+        self._rest = [(_leaf(weights[chosen]), _leaf(bias[chosen])) for weights, bias in self._rest]
+        self._of_code, self._of_time, self._bias = (
+            _leaf(tensor[chosen]) for tensor in (self._of_code, self._of_time, self._bias)
+        )
+
     def __call__(self, observations: Tensor, sample_index: Tensor, queries: Tensor) -> tuple[Tensor, Tensor]:
         """Predicts, in normalized units.
 

@@ -30,6 +30,9 @@ MIN_NOISE = 0.05
 """Relative; the unit of lengths that are multiples of the noise, where there is none."""
 WARM_UP = 0.1
 """Share of a one-cycle schedule in which the learning rate rises."""
+MIN_MEMORY = 100.0
+"""Iterations that the running mean loss, compared with Lt, extends over: with fewer the mean of a few lucky
+samples would end the training."""
 CHECKS = 50
 """Number of times in a training that the loss is checked for improvement."""
 MIN_IMPROVEMENT = 0.02
@@ -46,7 +49,7 @@ class Optimization:
     Each learner has its own demonstrations, seed and loss.
 
     Attributes:
-        planned: Iterations, at the beginning of the run.
+        planned: Iterations at the beginning of the run; with a loss threshold their limit.
         iterations: Done so far by each learner; one whose loss fell below Lt has stopped.
         held_out: Number of held-out demonstrations of each.
         losses: Of each learner, pairs of iteration and running mean loss, in nats per point with positions
@@ -77,13 +80,22 @@ class Optimization:
         self.ignores_observations = [False] * count
         grid = datasets[0].grid
         features = time_features(grid, float(grid[-1]), parameters.harmonics)
+        if parameters.time_scale is not None:
+            features = parameters.time_scale * (2.0 * features - 1.0)
         self._features = torch.tensor(features, dtype=torch.float32)
+        axes = np.stack([_axis_scales(dataset) for dataset in datasets]) / np.array(self._scales)[:, None]
+        self._axes = torch.tensor(axes, dtype=torch.float32)
         self._floors = [
             parameters.sigma_floor * (dataset.spread if parameters.relative_floor else 1.0)
             for dataset in datasets
         ]
         relative = [floor / scale for floor, scale in zip(self._floors, self._scales, strict=True)]
         self._min_sigma = torch.tensor(relative, dtype=torch.float32)[:, None, None, None]
+        firsts = [
+            max(parameters.first_floor * dataset.spread, floor) / scale
+            for dataset, floor, scale in zip(self.datasets, self._floors, self._scales, strict=True)
+        ]
+        self._first_sigma = torch.tensor(firsts, dtype=torch.float32)[:, None, None, None]
         held_out = [
             hold_out(len(dataset.positions), seed) & (parameters.patience > 0.0)
             for dataset, seed in zip(datasets, seeds, strict=True)
@@ -105,13 +117,8 @@ class Optimization:
             seeds=seeds,
         )
         self._stopped: dict[int, tuple[tuple[Layer, ...], tuple[Layer, ...]]] = {}
-        self._optimizer = torch.optim.AdamW(
-            self._network.parameters(),
-            lr=parameters.learning_rate,
-            betas=(0.9, parameters.second_moment),
-            weight_decay=parameters.weight_decay,
-            fused=True,
-        )
+        self._active = list(range(count))
+        self._optimizer = self._make_optimizer()
 
     def run(self, *, deadline: float | None, progress: Progress | None, may_give_up: bool) -> None:
         """Trains until the plan is done, every loss is below Lt, no loss improves or time is over.
@@ -130,25 +137,30 @@ class Optimization:
         every, check = max(1, planned // 200), max(1, planned // CHECKS)
         # A mean over about 2,000 points, whatever the batch, since the loss of one query varies.
         memory = max(10.0, 2_000.0 / (p.batch * p.queries))
+        if p.loss_threshold is not None:
+            memory = max(memory, MIN_MEMORY)
         # From nats per normalized point to nats per point in m.
         unit = self.datasets[0].mean_path.shape[1] * np.log(self._scales)
         running, best, best_at, start = np.zeros(len(unit)), math.inf, 0, time.perf_counter()
         recent = 0.0  # Sum over the iterations since the last check.
         for iteration in range(planned):
-            fraction = iteration / total
+            begin, fraction = self._cycle(iteration, total)
+            if iteration and iteration == begin:
+                self._begin_cycle()
             for group in self._optimizer.param_groups:
                 group["lr"] = p.learning_rate * self._learning_rate(fraction)
-            nll = self._step(fraction) + unit
+            nll = self._step(fraction) + unit[self._active]
             if not np.isfinite(nll).all():
                 raise RunError(f"training diverged: the loss is {nll.sum()} after {iteration} iterations")
-            running += (nll - running) / min(iteration + 1.0, memory)
+            running[self._active] += (nll - running[self._active]) / min(iteration + 1.0, memory)
             recent += float(nll.mean())
             last = iteration + 1
             self._note(last, running, iteration % every == 0 or last == total)
             if progress is not None and (iteration % every == 0 or last == total):
                 progress(last, total, float(running.mean()))
-            if p.loss_threshold is not None and iteration > memory:
-                self._stop_below(p.loss_threshold, running)
+            at_last_floor = p.first_floor == 0.0 or fraction >= p.floor_share
+            if p.loss_threshold is not None and iteration > memory and at_last_floor:
+                self._stop_below(p.loss_threshold, running, last)
                 if len(self._stopped) == len(running):
                     break
             if may_give_up and iteration == planned // 4:
@@ -196,7 +208,7 @@ class Optimization:
         ood_gain = 0.0
         if p.doubt_within > 0.0:
             ood_gain = (max_variance or dataset.spread**2) / (p.doubt_within * noise) ** 2
-        encoder, decoder = self._stopped.get(index) or self._network.export(index)
+        encoder, decoder = self._stopped.get(index) or self._export(index)
         return CnmpLearner(
             preset=p.preset,
             encoder=encoder,
@@ -223,7 +235,18 @@ class Optimization:
             "held_out": self.held_out[index],
             "ignores_observations": self.ignores_observations[index],
             "loss": self.losses[index],
+            "loss_threshold": self.parameters.loss_threshold,
+            "reached_threshold": None if self.parameters.loss_threshold is None else index in self._stopped,
         }
+
+    def _make_optimizer(self) -> torch.optim.Optimizer:
+        return torch.optim.AdamW(
+            self._network.parameters(),
+            lr=self.parameters.learning_rate,
+            betas=(0.9, self.parameters.second_moment),
+            weight_decay=self.parameters.weight_decay,
+            fused=True,
+        )
 
     def _make_sampler(self, chosen: Sequence[NDArray[np.bool_]], parameters: TrainingParameters) -> Sampler:
         tasks = []
@@ -244,20 +267,46 @@ class Optimization:
         """One iteration; returns each learner's negative log-likelihood per point in normalized units."""
         p = self.parameters
         beta = 0.0 if fraction >= 1.0 - p.plain_share else p.beta
-        loss, nll = self._loss(self._sampler.sample(), beta)
+        loss, nll = self._loss(self._sampler.sample(), beta, self._floor(fraction))
         self._optimizer.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         self._optimizer.step()
         return nll.double().numpy()
 
-    def _loss(self, batch: Batch, beta: float) -> tuple[Tensor, Tensor]:
-        mean, spread = self._network(batch.observations, batch.sample_index, batch.queries)
-        return beta_nll(mean, spread + self._min_sigma, batch.truth, weights=batch.weights, beta=beta)
+    def _loss(self, batch: Batch, beta: float, floor: Tensor) -> tuple[Tensor, Tensor]:
+        scale, observations = self.parameters.position_scale, batch.observations
+        if scale is not None:
+            axes = self._axes[self._active][:, None]
+            features = observations.shape[-1] - axes.shape[-1]
+            time, positions = observations[..., :features], observations[..., features:]
+            observations = torch.cat([time, positions * (scale / axes)], dim=-1)
+        mean, spread = self._network(observations, batch.sample_index, batch.queries)
+        if scale is not None:
+            mean = mean * axes[:, None]
+        return beta_nll(mean, spread + floor, batch.truth, weights=batch.weights, beta=beta)
 
     def _validate(self, batch: Batch) -> NDArray[np.float64]:
         """Negative log-likelihoods per point of held-out demonstrations, in normalized units."""
         with torch.no_grad():
-            return self._loss(batch, 0.0)[1].double().numpy()
+            return self._loss(batch, 0.0, self._min_sigma)[1].double().numpy()
+
+    def _export(self, index: int) -> tuple[tuple[Layer, ...], tuple[Layer, ...]]:
+        """Encoder and decoder of a network, with weights for inputs and outputs that are not scaled."""
+        encoder, decoder = self._network.export(self._active.index(index))
+        p, count = self.parameters, self._features.shape[1]
+        weights, bias = encoder[0]
+        if p.time_scale is not None:
+            first, first_bias = decoder[0]
+            for rows, own_bias in ((weights[:count], bias), (first[-count:], first_bias)):
+                own_bias -= p.time_scale * rows.sum(axis=0)
+                rows *= 2.0 * p.time_scale
+        if p.position_scale is not None:
+            axes = self._axes[index].numpy()
+            weights[count:] *= (p.position_scale / axes)[:, None]
+            last, last_bias = decoder[-1]
+            last[:, : len(axes)] *= axes
+            last_bias[: len(axes)] *= axes
+        return encoder, decoder
 
     def _note(self, iteration: int, running: NDArray[np.float64], with_loss: bool) -> None:
         for index, loss in enumerate(running.tolist()):
@@ -266,14 +315,40 @@ class Optimization:
                 if with_loss:
                     self.losses[index].append([iteration, round(loss, 4)])
 
-    def _stop_below(self, threshold: float, running: NDArray[np.float64]) -> None:
+    def _stop_below(self, threshold: float, running: NDArray[np.float64], iteration: int) -> None:
         """Keeps the present weights of learners whose loss is low enough; the others go on."""
         for index in np.flatnonzero(running <= threshold).tolist():
             if index not in self._stopped:
-                self._stopped[index] = self._network.export(index)
+                self._stopped[index] = self._export(index)
+                if self.losses[index][-1][0] != iteration:
+                    self.losses[index].append([iteration, round(float(running[index]), 4)])
+
+    def _cycle(self, iteration: int, total: int) -> tuple[int, float]:
+        """When the present cycle began, and its share that is done, if ``total`` iterations are planned."""
+        begin, length = 0, self.parameters.cycle or total
+        while iteration >= begin + length:
+            begin, length = begin + length, 2 * length
+        return begin, (iteration - begin) / min(length, total - begin)
+
+    def _begin_cycle(self) -> None:
+        """Begins a cycle with those networks whose loss is not yet low enough, and a new optimizer."""
+        left = [place for place, index in enumerate(self._active) if index not in self._stopped]
+        self._active = [self._active[place] for place in left]
+        self._network.keep(left)
+        self._sampler.keep(left)
+        self._optimizer = self._make_optimizer()
+
+    def _floor(self, fraction: float) -> Tensor:
+        """Least standard deviations, normalized, after a fraction of a cycle; (E, 1, 1, 1)."""
+        p = self.parameters
+        last = self._min_sigma[self._active]
+        if p.first_floor == 0.0 or fraction >= p.floor_share:
+            return last
+        done = fraction / p.floor_share
+        return last**done * self._first_sigma[self._active] ** (1.0 - done)
 
     def _learning_rate(self, fraction: float) -> float:
-        """The learning rate, relative to its peak, after a fraction of the plan."""
+        """The learning rate, relative to its peak, after a fraction of a cycle."""
         if self.parameters.schedule == "constant":
             return 1.0
         if fraction < WARM_UP:
@@ -306,3 +381,9 @@ class Optimization:
         means = np.stack([learner.predict(grid[[step]], path[[step]], grid)[0] for path in dataset.positions])
         predicted = np.square(means - means.mean(axis=0)).mean()
         return bool(predicted < 0.1 * deviations.mean())
+
+
+def _axis_scales(dataset: Dataset) -> NDArray[np.float64]:
+    """Half the extent of the demonstrations in each coordinate, at least their spread, shape (D,), in [m]."""
+    halves: NDArray[np.float64] = np.maximum(0.5 * np.ptp(dataset.positions, axis=(0, 1)), dataset.spread)
+    return halves

@@ -77,6 +77,11 @@ class Sampler:
         """The next batch."""
         return next(self._batches)
 
+    def keep(self, indices: Sequence[int]) -> None:
+        """Samples from now on for the learners at ``indices`` alone."""
+        self._samplers = [self._samplers[index] for index in indices]
+        self._batches = self._sample()
+
     def _sample(self) -> Iterator[Batch]:
         p, steps = self._parameters, len(self._features)
         generator = torch.Generator().manual_seed(0)

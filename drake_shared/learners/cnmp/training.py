@@ -15,7 +15,7 @@ import torch
 from drake_shared.common.errors import InputError
 from drake_shared.common.threads import single_threaded
 from drake_shared.demonstrations import Demonstrations
-from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
+from drake_shared.learners.calibration import CALIBRATIONS, LEAST_CONFIDENCE, Calibration, calibrate
 from drake_shared.learners.cnmp.learner import CnmpLearner
 from drake_shared.learners.cnmp.optimization import Optimization, Progress
 from drake_shared.learners.cnmp.parameters import TrainingParameters, find_parameters
@@ -34,10 +34,12 @@ class Options(TypedDict, total=False):
     Attributes:
         preset: "default" or "paper".
         seconds: Limits the time and determines the iterations.
-        iterations: In place of the preset's.
+        iterations: In place of the preset's; at most so many.
         progress: Called about 200 times.
         duration: T, in [s]; default: that of the longest demonstration.
         parameters: In place of the preset's.
+        score_width: In place of the preset's.
+        calibration: How K is found; see `calibrate`.
         begun: When the seconds began to count, by `time.perf_counter`; default: now.
     """
 
@@ -47,6 +49,8 @@ class Options(TypedDict, total=False):
     progress: Progress | None
     duration: float | None
     parameters: TrainingParameters | None
+    score_width: float | None
+    calibration: Calibration
     begun: float
 
 
@@ -94,7 +98,12 @@ def train_together(
     plan = Plan.make(seed=min(seeds), **options)
     each = [weighted] * len(tasks) if isinstance(weighted, bool) else list(weighted)
     datasets = [
-        make_dataset(demonstrations, weighted=own, duration=options.get("duration"))
+        make_dataset(
+            demonstrations,
+            weighted=own,
+            duration=options.get("duration"),
+            score_width=plan.parameters.score_width,
+        )
         for demonstrations, own in zip(tasks, each, strict=True)
     ]
     learners = []
@@ -109,9 +118,12 @@ def train_together(
                 "restarts": restarts,
                 "seconds_allowed": plan.seconds,
                 "trained_together": len(tasks),
+                "calibration": plan.calibration,
             }
             resolution = 0.5 * plan.parameters.noise * datasets[index].spread
-            gain = calibrate(run.export(place), tasks[index], resolution=resolution)
+            gain = calibrate(
+                run.export(place), tasks[index], resolution=resolution, calibration=plan.calibration
+            )
             record["seconds"] = plan.spent()
             max_variance = 1.0 / (LEAST_CONFIDENCE * gain)
             learners.append(
@@ -129,12 +141,14 @@ class Plan:
         begun: When it began, by `time.perf_counter`.
         seconds: Its limit, if any.
         progress: See `Options`.
+        calibration: See `Options`.
     """
 
     parameters: TrainingParameters
     begun: float
     seconds: float | None
     progress: Progress | None
+    calibration: Calibration
 
     @classmethod
     def make(cls, *, seed: int, **options: Unpack[Options]) -> Plan:
@@ -151,13 +165,24 @@ class Plan:
         iterations, seconds = options.get("iterations"), options.get("seconds")
         if iterations is not None:
             parameters = dataclasses.replace(parameters, iterations=iterations)
+        if (score_width := options.get("score_width")) is not None:
+            parameters = dataclasses.replace(parameters, score_width=score_width)
         if parameters.iterations < 1:
             raise InputError("train", "iterations", "must be at least 1", parameters.iterations)
         if seconds is not None and not (np.isfinite(seconds) and seconds > 0.0):
             raise InputError("train", "seconds", "must be positive and finite", seconds)
         if seed < 0:
             raise InputError("train", "seed", "must be 0 or more", seed)
-        return cls(parameters=parameters, begun=begun, seconds=seconds, progress=options.get("progress"))
+        calibration = options.get("calibration", "percentile")
+        if calibration not in CALIBRATIONS:
+            raise InputError("train", "calibration", f"must be one of {', '.join(CALIBRATIONS)}", calibration)
+        return cls(
+            parameters=parameters,
+            begun=begun,
+            seconds=seconds,
+            progress=options.get("progress"),
+            calibration=calibration,
+        )
 
     @property
     def deadline(self) -> float | None:

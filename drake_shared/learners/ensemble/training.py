@@ -53,5 +53,6 @@ def train_ensemble(
     )
     # The gain of each member is bounded where its variance is negligible; the same bound holds for all.
     bound = max(member.confidence_gain for member in trained)
-    gain = min(calibrate(ensemble, demonstrations), bound)
+    calibration = options.get("calibration", "percentile")
+    gain = min(calibrate(ensemble, demonstrations, calibration=calibration), bound)
     return dataclasses.replace(ensemble, confidence_gain=gain)

@@ -20,7 +20,12 @@ def train_mixture(
 ) -> MixtureLearner:
     """Trains a mixture; arguments and errors as of `drake_shared.learners.cnmp.training.train`."""
     plan = Plan.make(seed=seed, **options)
-    dataset = make_dataset(demonstrations, weighted=weighted, duration=options.get("duration"))
+    dataset = make_dataset(
+        demonstrations,
+        weighted=weighted,
+        duration=options.get("duration"),
+        score_width=plan.parameters.score_width,
+    )
     routes = group_by_route(dataset.positions, spread=dataset.spread, extent=dataset.extent)
     shares = np.array([len(route) / len(dataset.positions) for route in routes])
     leanings = np.array([dataset.weights[route].sum() for route in routes]) / shares
@@ -53,6 +58,6 @@ def train_mixture(
             preset=plan.parameters.preset,
             metadata=metadata,
         )
-        gain = calibrate(learner, demonstrations, resolution=noise)
+        gain = calibrate(learner, demonstrations, resolution=noise, calibration=plan.calibration)
     record["seconds"] = plan.spent()
     return dataclasses.replace(learner, confidence_gain=gain)

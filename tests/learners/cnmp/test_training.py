@@ -7,7 +7,8 @@ import pytest
 
 from drake_shared.common.errors import InputError, RunError
 from drake_shared.demonstrations import Demonstration, Demonstrations
-from drake_shared.learners import PRESETS, train
+from drake_shared.learners import PRESETS, calibrate, train
+from drake_shared.learners.loss_threshold import early_stop, loss_threshold
 
 QUICK = 60
 
@@ -43,10 +44,69 @@ def test_scores_weight_the_mean_while_the_spread_covers_both_routes(make_bows):
     assert at(unweighted, 0.0, [0.0, 0.0], 2.0)[0][1] == pytest.approx(0.0, abs=0.15)
 
 
-def test_the_paper_stops_when_the_loss_is_below_its_threshold(two_ways):
-    parameters = dataclasses.replace(PRESETS["paper"], batch=20, queries=20, loss_threshold=8.0)
-    learner = train(two_ways, parameters=parameters)
-    assert learner.metadata["training"]["iterations"] < 100
+@pytest.fixture(scope="module")
+def conditioned(two_ways):
+    """The paper's method, trained to a threshold that needs routes to be told apart; smaller and shorter."""
+    parameters = dataclasses.replace(
+        PRESETS["paper"], loss_threshold=-5.0, encoder=(64, 64), decoder=(64,), cycle=1_500, iterations=10_500
+    )
+    return train(two_ways, parameters=parameters)
+
+
+def test_the_paper_trains_until_the_running_mean_loss_is_below_its_threshold(conditioned):
+    record = conditioned.metadata["training"]
+    assert record["reached_threshold"]
+    assert record["loss_threshold"] == -5.0
+    steps, losses = np.array(record["loss"]).T
+    assert steps[-1] == record["iterations"] < record["planned"]
+    assert losses[-1] <= -5.0 < losses[:-1].min()
+    assert losses[0] > 0.0
+
+
+def test_the_paper_trained_to_its_threshold_passes_through_what_it_is_shown(conditioned):
+    """And follows the route that it is on, while without a hint it is unsure."""
+    for side in (1.0, -1.0):
+        for time in (0.8, 2.0, 3.2):
+            point = [time, side * np.sin(np.pi * time / 4.0)]
+            mean, _ = at(conditioned, time, point, time)
+            np.testing.assert_allclose(mean, point, atol=0.15)
+        mean, sigma = at(conditioned, 1.0, [1.0, side * np.sin(np.pi / 4)], 2.0)
+        np.testing.assert_allclose(mean, [2.0, side], atol=0.15)
+        assert (sigma < 0.2).all()
+        assert at(conditioned, 0.0, [0.0, 0.0], 2.0)[1][1] > 3.0 * sigma[1]
+
+
+def test_a_limit_on_iterations_ends_a_training_before_its_threshold(paper_learner, learner):
+    record = paper_learner.metadata["training"]
+    assert not record["reached_threshold"]
+    assert record["iterations"] == record["planned"] == 50
+    assert loss_threshold(paper_learner.metadata)["reached"] is False
+    assert early_stop(paper_learner.metadata)
+    assert learner.metadata["training"]["reached_threshold"] is None
+    assert early_stop(learner.metadata) is None
+
+
+def test_time_that_is_over_ends_a_training_before_its_threshold(two_ways):
+    record = train(two_ways, preset="paper", seconds=0.5).metadata["training"]
+    assert not record["reached_threshold"]
+    assert record["seconds"] < 1.5
+
+
+def test_a_narrow_density_over_scores_draws_the_best_demonstration_more_often(make_bows):
+    scored = make_bows([1.0, -1.0], scores=[0.0, 0.2])
+    shares = {
+        width: train(scored, preset="paper", iterations=2, score_width=width).weights[1]
+        for width in (0.5, 1.0, 2.0)
+    }
+    # The scores are 0.2 apart, twice their standard deviation.
+    for width, share in shares.items():
+        assert share == pytest.approx(1.0 / (1.0 + np.exp(-0.5 * (2.0 / width) ** 2)))
+
+
+def test_k_of_the_paper_makes_the_confidence_one_twentieth_at_the_largest_variance(two_ways):
+    found = train(two_ways, preset="paper", iterations=2, calibration="largest")
+    assert found.confidence_gain == pytest.approx(calibrate(found, two_ways, calibration="largest"))
+    assert found.metadata["training"]["calibration"] == "largest"
 
 
 @pytest.mark.parametrize("preset", ["default", "paper"])
@@ -157,6 +217,8 @@ def test_one_demonstration_gives_full_confidence_on_it_and_none_beside_it(make_b
         ({"seconds": 0.0}, "seconds must be positive"),
         ({"seconds": float("nan")}, "seconds must be positive"),
         ({"iterations": 0}, "iterations must be at least 1"),
+        ({"score_width": 0.0}, "width must be positive"),
+        ({"calibration": "mean"}, "calibration must be one of percentile, largest"),
         ({"seed": -1}, "seed must be 0 or more"),
         ({"duration": -1.0}, "duration must be positive"),
     ],
