@@ -274,16 +274,21 @@ class Optimization:
         return nll.double().numpy()
 
     def _loss(self, batch: Batch, beta: float, floor: Tensor) -> tuple[Tensor, Tensor]:
-        scale, observations = self.parameters.position_scale, batch.observations
+        mean, spread = self._predict(batch.observations, batch.sample_index, batch.queries)
+        return beta_nll(mean, spread + floor, batch.truth, weights=batch.weights, beta=beta)
+
+    def _predict(self, observations: Tensor, sample_index: Tensor, queries: Tensor) -> tuple[Tensor, Tensor]:
+        """As the network predicts, with positions scaled by axis if parameters say so."""
+        scale = self.parameters.position_scale
         if scale is not None:
             axes = self._axes[self._active][:, None]
             features = observations.shape[-1] - axes.shape[-1]
             time, positions = observations[..., :features], observations[..., features:]
             observations = torch.cat([time, positions * (scale / axes)], dim=-1)
-        mean, spread = self._network(observations, batch.sample_index, batch.queries)
+        mean, spread = self._network(observations, sample_index, queries)
         if scale is not None:
             mean = mean * axes[:, None]
-        return beta_nll(mean, spread + floor, batch.truth, weights=batch.weights, beta=beta)
+        return mean, spread
 
     def _validate(self, batch: Batch) -> NDArray[np.float64]:
         """Negative log-likelihoods per point of held-out demonstrations, in normalized units."""

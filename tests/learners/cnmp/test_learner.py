@@ -20,11 +20,16 @@ def torch_prediction(run: Optimization, learner: CnmpLearner, times, positions, 
     def interpolated(when):
         return np.stack([np.interp(when, model.grid, model.reference[:, axis]) for axis in (0, 1)], axis=-1)
 
-    features = time_features(times, learner.duration, model.harmonics)
+    def features_of(when):
+        features = time_features(when, learner.duration, model.harmonics)
+        scale = run.parameters.time_scale
+        return features if scale is None else scale * (2.0 * features - 1.0)
+
+    features = features_of(times)
     seen = np.concatenate([features, (positions - interpolated(times)) / model.scale], axis=1)
-    queries_features = time_features(queries, learner.duration, model.harmonics)
+    queries_features = features_of(queries)
     with torch.no_grad():
-        mean, spread = run._network(
+        mean, spread = run._predict(
             torch.tensor(seen, dtype=torch.float32)[None],
             torch.zeros(len(times), dtype=torch.long),
             torch.tensor(queries_features, dtype=torch.float32),

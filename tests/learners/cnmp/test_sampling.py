@@ -27,8 +27,8 @@ def draws(made: Sampler, count: int) -> list[Batch]:
     return [made.sample() for _ in range(count)]
 
 
-def test_the_paper_samples_one_demonstration_by_pd_and_one_query():
-    batches = draws(sampler("paper"), 3_000)
+def test_the_paper_samples_a_demonstration_by_pd_and_a_query():
+    batches = draws(sampler("paper", batch=1, queries=1), 3_000)
     assert all(batch.truth.shape == (1, 1, 1, 2) for batch in batches)
     chosen = np.array([int(batch.truth[0, 0, 0, 0]) for batch in batches])
     np.testing.assert_allclose(np.bincount(chosen) / 3_000, WEIGHTS, atol=0.03)
@@ -36,7 +36,7 @@ def test_the_paper_samples_one_demonstration_by_pd_and_one_query():
 
 
 def test_the_paper_observes_1_to_m_points_without_noise():
-    batches = draws(sampler("paper", observations=4), 2_000)
+    batches = draws(sampler("paper", batch=1, queries=1, observations=4), 2_000)
     counts = np.bincount([batch.observations.shape[1] for batch in batches])[1:]
     np.testing.assert_allclose(counts / 2_000, 0.25, atol=0.03)
     for batch in batches[:50]:
