@@ -1,6 +1,7 @@
 """A folder holds complete files of one run of one version of the code."""
 
 import errno
+import importlib.metadata
 import json
 from pathlib import Path
 
@@ -35,7 +36,7 @@ def test_a_damaged_result_is_computed_again(store, content):
 def test_the_folder_describes_the_run_and_its_code(store):
     run = json.loads((store.folder / "run.json").read_text())
     assert run["description"] == {"trials": 4}
-    assert run["package"]["version"] == "0.1.0"
+    assert run["package"]["version"] == importlib.metadata.version("drake_shared")
     assert len(run["package"]["source"]) == 24
 
 
