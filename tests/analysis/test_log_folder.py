@@ -299,6 +299,7 @@ def test_a_full_disk_ends_the_program_with_status_1_and_one_line(short, tmp_path
     ran = subprocess.run(
         [
             sys.executable,
+            "-B",  # The limit would also cut the bytecode of modules that were not compiled yet.
             "-c",
             LIMITED,
             *command(short, tmp_path / "logs"),
