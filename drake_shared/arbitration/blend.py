@@ -6,6 +6,9 @@ from collections.abc import Sequence
 
 from drake_shared.common.elementwise import FLOATS, Elementwise, Real, Reals
 
+DRIVERS = ("shared", "human", "agent")
+"""Shared control, the human alone, or the agent alone."""
+
 
 def confidence_weight(confidence: Real, xp: Elementwise = FLOATS) -> Real:
     """The human's weight w = 1 - c_f; 1 where the confidence is NaN."""

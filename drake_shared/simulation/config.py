@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from drake_shared.arbitration.authority import Authority
+from drake_shared.arbitration.blend import DRIVERS
 from drake_shared.common.errors import InputError
 from drake_shared.simulation.faults import Faults
 
-DRIVERS = ("shared", "human", "agent")
 ENDS = ("reached", "duration")
 LEAST_CLEARANCE, MOST_CLEARANCE = 0.001, 1.0
 """Range of the clearance that a safety filter can keep, in [m]."""

@@ -8,9 +8,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from drake_shared.arbitration.blend import DRIVERS
 from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import Behaviour
-from drake_shared.simulation.config import DRIVERS
 from drake_shared.simulation.log import Trial
 
 # Drake's random generator takes seeds below this.

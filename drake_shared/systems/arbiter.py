@@ -8,14 +8,11 @@ from typing import Any
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, OutputPort
 
-from drake_shared.arbitration.blend import blend, finite_weight
+from drake_shared.arbitration.blend import DRIVERS, blend, finite_weight
 from drake_shared.common.errors import InputError, RunError
 from drake_shared.robots import DiffDrive, Robot, check_robot
 from drake_shared.systems.discrete_update import check_positive
 from drake_shared.systems.intention import empty_intention
-
-DRIVERS = ("shared", "human", "agent")
-"""Shared control, the human alone, or the agent alone."""
 
 
 class Arbiter(LeafSystem):
