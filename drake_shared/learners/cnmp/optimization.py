@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -120,13 +120,24 @@ class Optimization:
         self._active = list(range(count))
         self._optimizer = self._make_optimizer()
 
-    def run(self, *, deadline: float | None, progress: Progress | None, may_give_up: bool) -> None:
+    def run(
+        self,
+        *,
+        deadline: float | None,
+        progress: Progress | None,
+        may_give_up: bool,
+        checkpoints: Collection[int] = (),
+        on_checkpoint: Callable[[int, int, float], None] | None = None,
+    ) -> None:
         """Trains until the plan is done, every loss is below Lt, no loss improves or time is over.
 
         Args:
             deadline: By `time.perf_counter`; determines the iterations in place of the parameters.
             progress: Called about 200 times.
             may_give_up: Whether to stop at a quarter of the plan if all ignore observations.
+            checkpoints: Numbers of iterations after which ``on_checkpoint`` is called.
+            on_checkpoint: Takes the index of each learner whose loss is not below Lt, the iterations done,
+                and its running mean loss. It may `export` the learner.
 
         Raises:
             RunError: A loss became NaN or infinite.
@@ -156,6 +167,10 @@ class Optimization:
             recent += float(nll.mean())
             last = iteration + 1
             self._note(last, running, iteration % every == 0 or last == total)
+            if on_checkpoint is not None and last in checkpoints:
+                for index in self._active:
+                    if index not in self._stopped:
+                        on_checkpoint(index, last, float(running[index]))
             if progress is not None and (iteration % every == 0 or last == total):
                 progress(last, total, float(running.mean()))
             at_last_floor = p.first_floor == 0.0 or fraction >= p.floor_share

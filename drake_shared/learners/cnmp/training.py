@@ -6,7 +6,8 @@ import contextlib
 import dataclasses
 import platform
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
@@ -26,6 +27,13 @@ RESERVED = 0.05
 """Share of the seconds given that is reserved for what is not iterations: data, calibration."""
 SEED_STEP = 7919
 """Between the seeds of successive attempts, so that those of neighbouring seeds differ."""
+
+OnCheckpoint = Callable[[int, int, float, CnmpLearner], None]
+"""Takes the index of a learner, the iterations done, the running mean loss in nats per point with positions
+in m, and the learner as it is then, with its own K."""
+
+Trained = tuple[Optimization, int, int]
+"""A training, the index of a network there, and how often it restarted."""
 
 
 class Options(TypedDict, total=False):
@@ -82,6 +90,8 @@ def train_together(
     seeds: Sequence[int],
     *,
     weighted: bool | Sequence[bool] = True,
+    checkpoints: Sequence[int] = (),
+    on_checkpoint: OnCheckpoint | None = None,
     **options: Unpack[Options],
 ) -> list[CnmpLearner]:
     """Trains a CNMP on each of several sets of demonstrations, in one batched computation.
@@ -93,6 +103,9 @@ def train_together(
         tasks: Demonstrations of each learner; all of one duration.
         seeds: Of each learner.
         weighted: As for `train`, for all or of each.
+        checkpoints: Numbers of iterations after which ``on_checkpoint`` is called, with each learner that is
+            still trained. It is called again if a learner's training restarts.
+        on_checkpoint: See `OnCheckpoint`. It does not change the result.
         options: See `Options`; as for `train`, which also lists the errors.
     """
     plan = Plan.make(seed=min(seeds), **options)
@@ -106,30 +119,33 @@ def train_together(
         )
         for demonstrations, own in zip(tasks, each, strict=True)
     ]
-    learners = []
+
+    def make(index: int, trained: Trained) -> CnmpLearner:
+        run, place, restarts = trained
+        metadata = training_metadata(tasks[index], datasets[index], plan.parameters)
+        record = metadata["training"]
+        record |= run.record(place)
+        record |= {
+            "weighted": each[index],
+            "seed": seeds[index],
+            "restarts": restarts,
+            "seconds_allowed": plan.seconds,
+            "trained_together": len(tasks),
+            "calibration": plan.calibration,
+        }
+        resolution = 0.5 * plan.parameters.noise * datasets[index].spread
+        gain = calibrate(run.export(place), tasks[index], resolution=resolution, calibration=plan.calibration)
+        record["seconds"] = plan.spent()
+        max_variance = 1.0 / (LEAST_CONFIDENCE * gain)
+        return run.export(place, confidence_gain=gain, metadata=metadata, max_variance=max_variance)
+
+    def report(index: int, trained: Trained, step: int, loss: float) -> None:
+        if on_checkpoint is not None:
+            on_checkpoint(index, step, loss, make(index, trained))
+
     with fast_training():
-        for index, (run, place, restarts) in enumerate(fit(datasets, plan, seeds)):
-            metadata = training_metadata(tasks[index], datasets[index], plan.parameters)
-            record = metadata["training"]
-            record |= run.record(place)
-            record |= {
-                "weighted": each[index],
-                "seed": seeds[index],
-                "restarts": restarts,
-                "seconds_allowed": plan.seconds,
-                "trained_together": len(tasks),
-                "calibration": plan.calibration,
-            }
-            resolution = 0.5 * plan.parameters.noise * datasets[index].spread
-            gain = calibrate(
-                run.export(place), tasks[index], resolution=resolution, calibration=plan.calibration
-            )
-            record["seconds"] = plan.spent()
-            max_variance = 1.0 / (LEAST_CONFIDENCE * gain)
-            learners.append(
-                run.export(place, confidence_gain=gain, metadata=metadata, max_variance=max_variance)
-            )
-    return learners
+        trained = fit(datasets, plan, seeds, checkpoints=checkpoints, on_checkpoint=report)
+        return list(map(make, range(len(trained)), trained))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -194,13 +210,25 @@ class Plan:
         return round(time.perf_counter() - self.begun, 3)
 
 
-def fit(datasets: Sequence[Dataset], plan: Plan, seeds: Sequence[int]) -> list[tuple[Optimization, int, int]]:
+def fit(
+    datasets: Sequence[Dataset],
+    plan: Plan,
+    seeds: Sequence[int],
+    *,
+    checkpoints: Sequence[int] = (),
+    on_checkpoint: Callable[[int, Trained, int, float], None] | None = None,
+) -> list[Trained]:
     """Trains a network on each dataset; those that ignore observations are trained anew from other seeds.
 
-    Returns:
-        For each dataset the training, the index of its network there, and the number of restarts.
+    Args:
+        datasets: Of each network.
+        plan: Of the training.
+        seeds: Of each network.
+        checkpoints: Numbers of iterations.
+        on_checkpoint: Is called after as many, for each network, with the index of its dataset, what is
+            returned of it, the iterations, and the running mean loss.
     """
-    found: dict[int, tuple[Optimization, int, int]] = {}
+    found: dict[int, Trained] = {}
     waiting = list(range(len(datasets)))
     for restarts in range(plan.parameters.restarts + 1):
         run = Optimization(
@@ -209,12 +237,30 @@ def fit(datasets: Sequence[Dataset], plan: Plan, seeds: Sequence[int]) -> list[t
             [seeds[index] + SEED_STEP * restarts for index in waiting],
         )
         may_give_up = restarts < plan.parameters.restarts
-        run.run(deadline=plan.deadline, progress=plan.progress, may_give_up=may_give_up)
         found |= {index: (run, place, restarts) for place, index in enumerate(waiting)}
+        report = None if on_checkpoint is None else partial(_report, on_checkpoint, waiting, found)
+        run.run(
+            deadline=plan.deadline,
+            progress=plan.progress,
+            may_give_up=may_give_up,
+            checkpoints=checkpoints,
+            on_checkpoint=report,
+        )
         waiting = [index for place, index in enumerate(waiting) if run.ignores_observations[place]]
         if not waiting:
             break
     return [found[index] for index in range(len(datasets))]
+
+
+def _report(
+    on_checkpoint: Callable[[int, Trained, int, float], None],
+    indices: Sequence[int],
+    found: Mapping[int, Trained],
+    place: int,
+    step: int,
+    loss: float,
+) -> None:
+    on_checkpoint(indices[place], found[indices[place]], step, loss)
 
 
 @contextlib.contextmanager

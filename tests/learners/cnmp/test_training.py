@@ -8,6 +8,7 @@ import pytest
 from drake_shared.common.errors import InputError, RunError
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import PRESETS, calibrate, train
+from drake_shared.learners.cnmp.training import train_together
 from drake_shared.learners.loss_threshold import early_stop, loss_threshold
 
 QUICK = 60
@@ -240,3 +241,27 @@ def test_some_of_many_demonstrations_are_held_out(make_bows):
     assert learner.metadata["training"]["held_out"] == 6
     mean, _ = at(learner, 1.0, [1.0, np.sin(np.pi / 4)], 2.0)
     np.testing.assert_allclose(mean, [2.0, 1.0], atol=0.08)
+
+
+def test_a_checkpoint_is_the_learner_of_a_training_that_ended_there_and_changes_nothing(make_bows):
+    tasks = [make_bows([1.0, -1.0]), make_bows([0.5, -0.5])]
+    parameters = dataclasses.replace(PRESETS["paper"], schedule="constant", first_floor=0.0)
+    seen = {}
+
+    def keep(index, step, loss, learner):
+        seen[index, step] = learner
+        assert learner.metadata["training"]["iterations"] == step
+        assert np.isfinite(loss)
+
+    seeds = [0, 1]
+    final = train_together(
+        tasks, seeds, parameters=parameters, iterations=20, checkpoints=(1, 10), on_checkpoint=keep
+    )
+    assert set(seen) == {(0, 1), (1, 1), (0, 10), (1, 10)}
+    plain = train_together(tasks, seeds, parameters=parameters, iterations=20)
+    earlier = train_together(tasks, seeds, parameters=parameters, iterations=10)
+    query = ([1.0], [[1.0, 0.5]], [2.0, 3.0])
+    for index in (0, 1):
+        np.testing.assert_array_equal(final[index].predict(*query), plain[index].predict(*query))
+        np.testing.assert_array_equal(seen[index, 10].predict(*query), earlier[index].predict(*query))
+        assert seen[index, 10].confidence_gain == earlier[index].confidence_gain
