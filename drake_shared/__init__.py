@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from drake_shared.analysis.metrics import metrics as metrics, summarize as summarize
     from drake_shared.analysis.replay import write_replay as write_replay
     from drake_shared.arbitration.authority import Authority as Authority
+    from drake_shared.arbitration.feedback import Feedback as Feedback
     from drake_shared.cockpit import (
         CockpitServer as CockpitServer,
         DriverLock as DriverLock,
@@ -79,6 +80,7 @@ if TYPE_CHECKING:
     from drake_shared.systems.arbiter import Arbiter as Arbiter
     from drake_shared.systems.arbiters import arbiter_names as arbiter_names, make_arbiter as make_arbiter
     from drake_shared.systems.confidence_blender import ConfidenceBlender as ConfidenceBlender
+    from drake_shared.systems.conflict_feedback import ConflictFeedback as ConflictFeedback
     from drake_shared.systems.diff_drive_plant import DiffDrivePlant as DiffDrivePlant
     from drake_shared.systems.driver_presence import DriverPresence as DriverPresence
     from drake_shared.systems.dynamic_plant import DynamicPlant as DynamicPlant
@@ -105,6 +107,7 @@ _MODULES = {
     "Circle": "drake_shared.scenario",
     "CockpitServer": "drake_shared.cockpit",
     "ConfidenceBlender": "drake_shared.systems.confidence_blender",
+    "ConflictFeedback": "drake_shared.systems.conflict_feedback",
     "Counterfactual": "drake_shared.analysis.counterfactual",
     "Demonstration": "drake_shared.demonstrations",
     "Demonstrations": "drake_shared.demonstrations",
@@ -115,6 +118,7 @@ _MODULES = {
     "DriverPresence": "drake_shared.systems.driver_presence",
     "DynamicPlant": "drake_shared.systems.dynamic_plant",
     "Faults": "drake_shared.simulation.faults",
+    "Feedback": "drake_shared.arbitration.feedback",
     "Goal": "drake_shared.scenario",
     "InputError": "drake_shared.common.errors",
     "Intention": "drake_shared.systems.intention",

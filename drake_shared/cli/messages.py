@@ -10,7 +10,13 @@ from collections.abc import Iterator
 from drake_shared.common.errors import InputError
 
 # What the config's dataclasses call themselves in errors, and the prefix of their options.
-_PREFIXES = {"config": "", "operator": "", "authority": "authority.", "faults": "faults."}
+_PREFIXES = {
+    "config": "",
+    "operator": "",
+    "authority": "authority.",
+    "faults": "faults.",
+    "feedback": "feedback.",
+}
 _OF_A_FIELD = re.compile(rf"({'|'.join(_PREFIXES)}): (\w[\w.]*) (.*)")
 
 

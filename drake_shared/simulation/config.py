@@ -13,6 +13,7 @@ from typing import Any, Literal, TypeVar
 
 from drake_shared.arbitration.authority import Authority
 from drake_shared.arbitration.blend import DRIVERS
+from drake_shared.arbitration.feedback import Feedback
 from drake_shared.common.errors import InputError
 from drake_shared.simulation.faults import Faults
 
@@ -45,6 +46,8 @@ class SharedControlConfig:
     """The agent steers to the position predicted this time ahead, in s."""
     safety_clearance: float | None = None
     """Distance that a safety filter keeps to obstacles, in m; None: no filter."""
+    feedback: Feedback = dataclasses.field(default_factory=Feedback)
+    """What the person feels of a conflict with the agent."""
     faults: Faults = dataclasses.field(default_factory=Faults)
     """Faults that are injected; all zero: none."""
     confidence_gain: float | None = None

@@ -25,6 +25,7 @@ from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.arbiter_guard import ArbiterGuard
 from drake_shared.systems.arbiters import check_arbiter, describe_arbiter, make_arbiter
 from drake_shared.systems.confidence_blender import ConfidenceBlender
+from drake_shared.systems.conflict_feedback import ConflictFeedback
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.dynamic_plant import DynamicPlant
 from drake_shared.systems.intention_estimator import IntentionEstimator
@@ -118,6 +119,10 @@ class Wiring:
         self._connect(controller, {"pose": measured, "intention": intention})
         autonomous = controller.GetOutputPort("autonomous_command")
         commands = {"human_command": received, "autonomous_command": autonomous, "confidence": confidence}
+        feedback = self._feedback(commands)
+        if config.feedback.resistance and feedback is not None:
+            # The estimator gets the command without resistance: what resists is computed from its output.
+            commands["human_command"] = feedback.get_resisted_command_output_port()
         offered = {"pose": measured, "intention": intention, "clearance": clearance}
         if operator.HasOutputPort("idle_time"):
             offered["idle_time"] = operator.GetOutputPort("idle_time")
@@ -150,6 +155,10 @@ class Wiring:
         for names, port in injected.logged.items():
             logged.append(port)
             columns += names
+        if feedback is not None:
+            logged += [feedback.get_conflict_output_port(), feedback.get_resisted_command_output_port()]
+            columns += ("conflict", *(f"conflict_{name}" for name in robot.command_names))
+            columns += tuple(f"resisted_{name}" for name in robot.command_names)
         log_sink = self._add_log(logged, len(columns))
         if meshcat is not None:
             shown = {
@@ -213,6 +222,16 @@ class Wiring:
             initial_idle_time=idle_time,
         )
         return arbiter, describe_arbiter(arbiter, config.arbitration)
+
+    def _feedback(self, commands: Mapping[str, OutputPort]) -> ConflictFeedback | None:
+        """The system that computes what the person feels, if any feedback is on."""
+        if not self._config.feedback:
+            return None
+        feedback: ConflictFeedback = self._add(
+            "conflict_feedback", ConflictFeedback(robot=self._robot, feedback=self._config.feedback)
+        )
+        self._connect(feedback, commands)
+        return feedback
 
     def _driver_switch(
         self, arbiter: LeafSystem, name: str, driver: str, commands: Mapping[str, OutputPort]

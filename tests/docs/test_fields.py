@@ -27,6 +27,7 @@ from drake_shared import (
     run_trial,
     write_demonstrations,
 )
+from drake_shared.arbitration.feedback import Feedback
 from drake_shared.simulation.faults import Faults
 
 REFERENCE = Path(__file__).resolve().parents[2] / "docs" / "reference"
@@ -49,7 +50,7 @@ def test_scenario_fields(kind):
     assert listed("scenario.md", kind.__name__) == {field.name for field in dataclasses.fields(kind)}
 
 
-@pytest.mark.parametrize("kind", [SharedControlConfig, Authority, Faults])
+@pytest.mark.parametrize("kind", [SharedControlConfig, Authority, Feedback, Faults])
 def test_every_field_of_the_config_is_described(kind):
     # These tables are made of the docstrings of the fields.
     import sys
@@ -63,7 +64,9 @@ def test_every_field_of_the_config_is_described(kind):
 @pytest.fixture(scope="module")
 def trial():
     config = SharedControlConfig(
-        safety_clearance=0.05, faults=Faults(delay=0.1, pose_noise=0.001, slip=0.01, late_learner=0.05)
+        safety_clearance=0.05,
+        feedback=Feedback(tone=True),
+        faults=Faults(delay=0.1, pose_noise=0.001, slip=0.01, late_learner=0.05),
     )
     scenario = load_scenario("two_obstacles")
     return run_trial(scenario, load_learner("two_obstacles"), config=config, route="left_right")

@@ -60,6 +60,8 @@ def unsupported(simulation: Simulation, learner: Learner | None = None) -> str |
         or make_arbitration(parts.driver_switch, scenario.robot) is None
     ):
         return f"arbiter {parts.arbitration['name']}"
+    if config.feedback:
+        return "feedback of conflicts"
     faults = config.faults
     if faults.on_pose or faults.on_learner or faults.slip:
         return f"fault {', '.join(faults.to_json())}"
