@@ -80,7 +80,8 @@ class MouseInput(LeafSystem):
             engaged, the age of the sample in [s], the deflection of the stick forward and to the left in
             [-1, 1], and 1 while engaged, else 0.
         idle_time (1): Time since the mouse, the keys or the gamepad last changed, in [s]; infinite until a
-            driver first touches them. Samples that repeat the previous one are not events.
+            driver first touches them. Samples that repeat the previous one are not events, nor are changes of
+            keys or gamepad inside the dead zone: the noise of a gamepad at rest.
 
     A displacement moves the stick: stick = clip(stick + gain * displacement, -1, 1), where the displacement
     is the difference of the counters since the last sample. Counters lose nothing where the browser merges
@@ -148,7 +149,7 @@ class MouseInput(LeafSystem):
         self._mouse = self.DeclareDiscreteState(np.array([0.0, 0.0, _OLDEST, 0.0, 0.0, 0.0]))
         # The last sample, to compare the next one with: engagement, counters x, y, stick forward, stick left.
         self._memory = self.DeclareDiscreteState(np.array([_NO_ENGAGEMENT, 0.0, 0.0, 0.0, 0.0]))
-        # Time since the last event, and the deflections by keys or gamepad then, forward and to the left.
+        # Time since the last event, and the deflections by keys or gamepad past the dead zone then.
         self._idle = self.DeclareDiscreteState(np.array([math.inf]))
         self._held = self.DeclareDiscreteState(2)
         self._command_port = self.DeclareStateOutputPort("human_command", self._command)
@@ -196,13 +197,13 @@ class MouseInput(LeafSystem):
         state.set_value(self._mouse, [sample.x, sample.y, age, forward, left, float(sample.engaged)])
         state.set_value(self._memory, [sample.engagement, sample.x, sample.y, *stick])
         state.set_value(self._idle, [self._idle_time(context, sample)])
-        state.set_value(self._held, [sample.forward, sample.turn])
+        state.set_value(self._held, _deflected(sample))
 
     def _idle_time(self, context: Context, sample: MouseSample) -> float:
         """Time since the last event, in [s], this sample included."""
         engagement, x, y, *_ = context.get_discrete_state(self._memory).value().tolist()
         before = [engagement, x, y, *context.get_discrete_state(self._held).value().tolist()]
-        changed = before != [sample.engagement, sample.x, sample.y, sample.forward, sample.turn]
+        changed = before != [sample.engagement, sample.x, sample.y, *_deflected(sample)]
         # The first sample differs from the initial memory: it is an event only if a driver is there.
         if changed and (sample.engaged or engagement != _NO_ENGAGEMENT):
             return 0.0
@@ -228,6 +229,11 @@ class MouseInput(LeafSystem):
 
 def _clip(deflection: float) -> float:
     return min(max(deflection, -1.0), 1.0)
+
+
+def _deflected(sample: MouseSample) -> list[float]:
+    """Deflections by keys or gamepad, forward and to the left, past the dead zone."""
+    return [_past_dead_zone(value, sample.stick.dead_zone) for value in (sample.forward, sample.turn)]
 
 
 def _past_dead_zone(deflection: float, dead_zone: float) -> float:

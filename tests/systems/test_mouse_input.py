@@ -239,7 +239,7 @@ def idle_time(bench: Bench) -> float:
 
 
 @pytest.mark.parametrize(
-    "event", [{"x": 1.0}, {"y": -1.0}, {"forward": 0.01}, {"turn": -0.5}, {"engagement": 2}]
+    "event", [{"x": 1.0}, {"y": -1.0}, {"forward": 0.2}, {"turn": -0.5}, {"engagement": 2}]
 )
 def test_idle_time_counts_from_the_last_event_and_not_from_the_last_sample(event):
     bench = Bench(FakeDriver(engaged=True, engagement=1)).step()
@@ -270,3 +270,12 @@ def test_full_deflection_scales_with_the_robot():
     one, other = (MouseInput(robot=robot, source=FakeDriver()) for robot in (DiffDrive(), small))
     assert one.max_speed == pytest.approx(0.8)
     assert other.max_speed == pytest.approx(0.08)
+
+
+def test_the_noise_of_a_gamepad_inside_the_dead_zone_is_no_event():
+    bench = Bench(FakeDriver(engaged=True, engagement=1, stick=StickSettings(dead_zone=0.1)))
+    bench.step(forward=1.0).step(forward=0.0)
+    for index in range(1, 6):
+        bench.step(forward=0.09 * (-1) ** index, turn=0.05 * (-1) ** index)
+        assert idle_time(bench) == pytest.approx(index * PERIOD)
+    assert idle_time(bench.step(turn=0.2)) == 0.0
