@@ -9,6 +9,7 @@ from typing import Any
 from pydrake.systems.framework import LeafSystem
 
 from drake_shared.analysis.metrics import metrics
+from drake_shared.arbitration.feedback import Feedback
 from drake_shared.learners import Learner
 from drake_shared.learners.loss_threshold import early_stop
 from drake_shared.scenario import Scenario
@@ -25,8 +26,15 @@ SHOWN_METRICS = (
     "smoothness",
 )
 
+_CONFLICT = ("conflict", "conflict_left", "conflict_right")
 
-def describe_scene(scenario: Scenario, operator: LeafSystem, learner: Learner | None) -> dict[str, Any]:
+
+def describe_scene(
+    scenario: Scenario,
+    operator: LeafSystem,
+    learner: Learner | None,
+    feedback: Feedback | None = None,
+) -> dict[str, Any]:
     """Returns the ``scene`` message: what is the same in all trials."""
     space, robot = scenario.workspace, scenario.robot
     driven = isinstance(operator, MouseInput)
@@ -41,6 +49,7 @@ def describe_scene(scenario: Scenario, operator: LeafSystem, learner: Learner | 
         "learner": None if learner is None else learner.name,
         "learner_warning": None if learner is None else early_stop(learner.metadata),
         "driven": driven,
+        "feedback": {"rumble": feedback.rumble, "tone": feedback.tone} if feedback else None,
     }
 
 
@@ -86,6 +95,7 @@ def describe_now(values: Mapping[str, float], time: float, let_go: str | None = 
         "clearance": _number(values.get("clearance")),
         "contact": values.get("contact", 0.0) > 0.5,
         "stick": _numbers(values.get("stick_forward"), values.get("stick_left")),
+        "conflict": [_number(values[name]) for name in _CONFLICT] if "conflict" in values else None,
     }
 
 

@@ -86,7 +86,13 @@ class Session:
         """Runs trials one after another."""
         simulation = self._simulation
         self.server.publish(
-            "scene", describe_scene(simulation.scenario, simulation.parts.operator, simulation.learner)
+            "scene",
+            describe_scene(
+                simulation.scenario,
+                simulation.parts.operator,
+                simulation.learner,
+                simulation.config.feedback,
+            ),
         )
         self._begin()
         self._publish_phase("ready")

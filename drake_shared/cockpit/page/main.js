@@ -2,6 +2,7 @@
 
 import { Axes } from "./axes.js";
 import { Connection } from "./connection.js";
+import { Feedback } from "./feedback.js";
 import { Mouse } from "./mouse.js";
 import { Panel } from "./panel.js";
 import { Scene } from "./scene.js";
@@ -23,6 +24,7 @@ const scene = new Scene(window.viewer, document.getElementById("meshcat-pane"));
 const panel = new Panel();
 const mouse = new Mouse(document.getElementById("mouse-area"));
 const axes = new Axes();
+const feedback = new Feedback();
 const connection = new Connection("/drive");
 const settings = new Settings((message) => connection.send(message));
 let engaged = false;
@@ -35,6 +37,7 @@ function sendMove() {
 async function engage() {
   if (engaged) return;
   panel.disableButton();
+  feedback.start();
   await mouse.capture();
   axes.start();
   scene.setDriving(true);
@@ -45,6 +48,7 @@ async function engage() {
 function release() {
   if (!engaged) return;
   engaged = false;
+  feedback.stop();
   axes.stop();
   mouse.release();
   scene.setDriving(false);
@@ -77,6 +81,7 @@ connection.on("scene", (message) => {
   document.title = `drake_shared: ${message.scenario}`;
   scene.setWorkspace(message.workspace);
   panel.setScene(message);
+  feedback.setScene(message);
   settings.setScene(message);
 });
 connection.on("seat", (message) => {
@@ -86,5 +91,8 @@ connection.on("seat", (message) => {
 });
 connection.on("settings", (message) => settings.show(message));
 connection.on("trial", (message) => panel.setTrial(message));
-connection.on("now", (message) => panel.setNow(message));
+connection.on("now", (message) => {
+  panel.setNow(message);
+  if (engaged) feedback.render(message.conflict);
+});
 connection.open();

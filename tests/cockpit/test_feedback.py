@@ -1,0 +1,97 @@
+"""Rumble and tone in the page, and that they end with the driver."""
+
+import numpy as np
+import pytest
+
+from drake_shared.arbitration.feedback import Feedback
+from drake_shared.simulation.config import SharedControlConfig
+
+pytestmark = pytest.mark.browser
+
+# A gamepad that records what it is made to do; its stick rests.
+GAMEPAD = """
+window.effects = [];
+const pad = {
+  connected: true, mapping: "standard", index: 0, id: "recording", timestamp: 0,
+  axes: [0, 0, 0, 0], buttons: [],
+  vibrationActuator: {
+    effects: ["dual-rumble", "trigger-rumble"],
+    playEffect: (kind, effect) => { window.effects.push({ kind, at: performance.now(), ...effect });
+                                    return Promise.resolve("complete"); },
+    reset: () => { window.effects.push({ kind: "reset", at: performance.now() }); return Promise.resolve(); },
+  },
+};
+navigator.getGamepads = () => [pad, null, null, null];
+"""
+
+
+@pytest.fixture
+def driven(browser_context, start_cockpit, long_floor, route_learner, until):
+    """A page whose driver pushes to the side, so that the agent disagrees."""
+    config = SharedControlConfig(feedback=Feedback(rumble=True, tone=True, resistance=0.2))
+    cockpit = start_cockpit(long_floor, route_learner(long_floor), config=config)
+    page = browser_context.new_page()
+    page.add_init_script(GAMEPAD)
+    page.goto(cockpit.address)
+    page.wait_for_selector("#deck[data-phase=ready]")
+    page.evaluate("viewer.animate = () => {}; do_reconnect = false; viewer.connection.close()")
+    page.click("#drive:enabled")
+    page.wait_for_selector("body[data-driver-lock=yours]")
+    page.keyboard.down("ArrowUp")
+    page.keyboard.down("ArrowLeft")
+    until(lambda: np.any(cockpit.command > 0), "the robot to be driven")
+    return page, cockpit
+
+
+def test_a_conflict_is_felt_on_the_side_of_the_agent_and_ends_with_the_driver(driven):
+    page, cockpit = driven
+    page.wait_for_function("() => window.effects.some((one) => one.kind === 'trigger-rumble')")
+    page.keyboard.up("ArrowLeft")
+    page.keyboard.up("ArrowUp")
+    first = page.evaluate("window.effects.find((one) => one.kind === 'trigger-rumble')")
+    assert 0.0 < first["strongMagnitude"] <= 1.0
+    assert first["rightTrigger"] > first["leftTrigger"]  # The driver turns left; the agent goes straight on.
+    assert first["duration"] <= 200.0
+    page.keyboard.press("Escape")
+    page.wait_for_selector("#deck[data-phase=finished]")
+    trial = cockpit.next_trial()
+    assert trial["conflict"].max() >= first["strongMagnitude"] - 1e-4
+    assert trial.metadata["config"]["feedback"] == {"rumble": True, "tone": True, "resistance": 0.2}
+    effects = page.evaluate("window.effects")
+    assert effects[-1]["kind"] == "reset"
+
+
+def test_a_tone_without_messages_ends_within_200_ms(browser_context, cockpit):
+    page = browser_context.new_page()
+    page.goto(cockpit.address)
+    volumes = page.evaluate(
+        """async () => {
+          const { Feedback } = await import("/cockpit/feedback.js");
+          const contexts = [];
+          const feedback = new Feedback();
+          feedback.setScene({ feedback: { rumble: false, tone: true } });
+          const gains = [];
+          const create = AudioContext.prototype.createGain;
+          AudioContext.prototype.createGain = function () {
+            const gain = create.call(this);
+            gains.push(gain.gain);
+            contexts.push(this);
+            return gain;
+          };
+          feedback.start();
+          await contexts[0].resume();
+          const seconds = (time) => new Promise((resolve) => {
+            const end = contexts[0].currentTime + time;
+            const timer = setInterval(() => {
+              if (contexts[0].currentTime >= end) { clearInterval(timer); resolve(); }
+            }, 5);
+          });
+          feedback.render([0.8, -1, 1]);
+          await seconds(0.05);
+          const during = gains[0].value;
+          await seconds(0.15);
+          return [during, gains[0].value];
+        }"""
+    )
+    assert volumes[0] > 0.05
+    assert volumes[1] < 0.01
