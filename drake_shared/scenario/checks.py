@@ -4,7 +4,6 @@ import dataclasses
 import itertools
 import math
 import os
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,11 @@ from drake_shared.common.errors import InputError
 from drake_shared.robots import scaled_length
 from drake_shared.scenario.obstacles import Obstacle, ObstacleDistance, position_at
 from drake_shared.scenario.paths import passing_side
-from drake_shared.scenario.scenario import MOST_STEPS, PLANTS, Route, Scenario, clearance_scorer
+from drake_shared.scenario.planar_distance import PlanarDistance
+from drake_shared.scenario.scenario import MOST_STEPS, PLANTS, Route, Scenario
+
+MAX_NAME = 100
+"""Of a scenario, in bytes: with date, number and suffix it must fit the name of a file."""
 
 
 def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scenario") -> None:
@@ -33,9 +36,9 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
     for field, item in placed:
         if not space.contains(item.x, item.y):
             raise InputError(source, field, "must lie inside the workspace", f"({item.x}, {item.y})")
-    clearance = clearance_scorer(scenario)
+    distance = PlanarDistance(scenario.static_obstacles)
     for field, point in (("start", scenario.start), ("goal", scenario.goal)):
-        gap = clearance(np.array([[point.x, point.y]]))
+        gap = _clearance(scenario, distance, np.array([[point.x, point.y]]))
         if gap <= 0:
             raise InputError(
                 source, field, "must leave the robot free of obstacles", f"{gap:.3f} m of clearance"
@@ -44,7 +47,7 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
         if item.path:
             _check_moving(scenario, item, source)
     for route in scenario.routes:
-        _check_route(scenario, route, clearance, source)
+        _check_route(scenario, route, distance, source)
 
 
 def _check_finite(item: Any, field: str, source: str | os.PathLike[str]) -> None:
@@ -64,10 +67,27 @@ def _check_value(value: Any, name: str, source: str | os.PathLike[str]) -> None:
         _check_finite(value, name, source)
 
 
+def _check_name(name: str, source: str | os.PathLike[str]) -> None:
+    """Checks the name of a scenario, which is part of the names of files."""
+    if not name.strip():
+        raise InputError(source, "name", "must be given")
+    if not name.isprintable() or any(mark in name for mark in "/\\") or name.startswith("."):
+        raise InputError(
+            source, "name", "must be printable, without / and \\ and no dot in front", ascii(name)
+        )
+    if len(name.encode("utf-8", "replace")) > MAX_NAME:
+        raise InputError(source, "name", f"must have at most {MAX_NAME} bytes", len(name.encode()))
+
+
+def _check_yaw(yaw: float, field: str, source: str | os.PathLike[str]) -> None:
+    if abs(yaw) > math.tau:
+        degrees = f"{yaw:g}, which may be degrees: {yaw:g} degrees are {math.radians(yaw):.4f} rad"
+        raise InputError(source, field, "must be in radians, from -2 pi to 2 pi", degrees)
+
+
 def _check_sizes(scenario: Scenario, source: str | os.PathLike[str]) -> None:
     robot, space = scenario.robot, scenario.workspace
-    if not scenario.name:
-        raise InputError(source, "name", "must be given")
+    _check_name(scenario.name, source)
     positive = {f"{name}": getattr(scenario, name) for name in ("duration", "control_period", "travel_time")}
     positive |= {"goal.radius": scenario.goal.radius}
     positive |= {
@@ -79,7 +99,9 @@ def _check_sizes(scenario: Scenario, source: str | os.PathLike[str]) -> None:
         "workspace's width": space.x_max - space.x_min,
         "workspace's height": space.y_max - space.y_min,
     }
+    _check_yaw(scenario.start.yaw, "start.yaw", source)
     for index, obstacle in enumerate(scenario.obstacles):
+        _check_yaw(obstacle.yaw_angle(), f"obstacles[{index}].yaw", source)
         positive |= {f"obstacles[{index}].{name}": value for name, value in obstacle.sizes().items()}
     for name, value in positive.items():
         if value <= 0:
@@ -105,6 +127,8 @@ def _check_sizes(scenario: Scenario, source: str | os.PathLike[str]) -> None:
     ):
         if not all(name.strip() for name in names):
             raise InputError(source, field, "must all have a name")
+        if not all(name.isprintable() for name in names):
+            raise InputError(source, field, "must have printable names", ", ".join(map(ascii, names)))
         if len(set(names)) != len(names):
             raise InputError(source, field, "must have names that differ", ", ".join(names))
 
@@ -134,10 +158,15 @@ def _check_moving(scenario: Scenario, obstacle: Obstacle, source: str | os.PathL
         raise InputError(source, field, "must not start on the robot", left)
 
 
+def _clearance(scenario: Scenario, distance: PlanarDistance, positions: NDArray[np.float64]) -> float:
+    """The least clearance of the robot's body at positions (n, 2), in [m]."""
+    return float(distance.least(*positions.T).min()) - scenario.robot.footprint_radius
+
+
 def _check_route(
     scenario: Scenario,
     route: Route,
-    clearance: Callable[[NDArray[np.float64]], float],
+    distance: PlanarDistance,
     source: str | os.PathLike[str],
 ) -> None:
     field = f"routes: {route.name}"
@@ -152,10 +181,12 @@ def _check_route(
     path = scenario.path_of(route)
     count = max(50, int(path.length / scaled_length(scenario.robot, 0.02)))
     positions = path.position(np.linspace(0, path.length, count))
-    outside = [point for point in positions if not scenario.workspace.contains(*point)]
-    if outside:
-        raise InputError(source, field, "must stay inside the workspace", np.round(outside[0], 3))
-    gap = clearance(positions)
+    space = scenario.workspace
+    low, high = (space.x_min, space.y_min), (space.x_max, space.y_max)
+    outside = ((positions < low) | (positions > high)).any(axis=1)
+    if outside.any():
+        raise InputError(source, field, "must stay inside the workspace", np.round(positions[outside][0], 3))
+    gap = _clearance(scenario, distance, positions)
     if gap <= 0:
         raise InputError(source, field, "must leave the robot free of obstacles", f"{gap:.3f} m of clearance")
     names = {item.name for item in scenario.static_obstacles}

@@ -9,6 +9,11 @@ from scipy.interpolate import CubicSpline
 SPACING = 0.005
 """Between the points of a curve, in [m], for a robot of the size of the Pioneer P3-DX."""
 
+# A curve has at most so many points, and more only where its waypoints ask for them: 20,000 are 100 m for that
+# robot. Beyond, the points are further apart, and memory and time do not grow with the length.
+_MAX_POINTS = 20_000
+_POINTS_PER_WAYPOINT = 100
+
 
 class Path:
     """A twice differentiable curve through waypoints, by arc length.
@@ -16,7 +21,8 @@ class Path:
     Args:
         waypoints: Shape (n, 2), n >= 2, in [m].
         heading: Direction at the first waypoint, in [rad]; free if None.
-        spacing: Distance between the points that represent the curve, in [m].
+        spacing: Distance between the points that represent the curve, in [m]; larger on a curve of more than
+            20,000 points that has fewer than 200 waypoints.
     """
 
     def __init__(
@@ -27,6 +33,7 @@ class Path:
         free = (2, np.zeros(2))
         first = free if heading is None else (1, np.array([np.cos(heading), np.sin(heading)]))
         curve = CubicSpline(knots, waypoints, bc_type=(first, free))
+        spacing = max(spacing, knots[-1] / max(_MAX_POINTS, _POINTS_PER_WAYPOINT * len(waypoints)))
         fine = np.linspace(0.0, knots[-1], 4 * max(int(knots[-1] / spacing), 100) + 1)
         pieces = np.linalg.norm(np.diff(curve(fine), axis=0), axis=1)
         arc = np.concatenate([[0.0], np.cumsum(pieces)])

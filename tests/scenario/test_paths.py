@@ -107,3 +107,23 @@ def test_a_loop_beside_the_way_does_not_matter():
 def test_turning_back_to_pass_on_the_other_side_counts_as_the_other_side():
     left = np.array([[-2.0, 0.3], [0.0, 0.6], [0.5, 0.6], [0.0, 0.6], [-1.0, 0.3], [-1.0, -0.3], [0.0, -0.6]])
     assert passing_side(np.vstack([left, [[2.0, 0.0]]]), (0.0, 0.0)) == "right"
+
+
+def test_a_long_road_has_no_more_points_than_its_waypoints_ask_for():
+    short, long, longer = (Path(np.array([[0.0, 0.0], [length, 0.0]])) for length in (80.0, 4e3, 4e4))
+    assert short.spacing == pytest.approx(0.005)
+    assert len(long.frames) == len(longer.frames) <= 20_001
+    assert long.length == pytest.approx(4e3)
+    assert long.nearest(2e3, 3.0, between=(1.9e3, 2.1e3)) == pytest.approx(2e3, abs=long.spacing)
+
+
+def test_a_long_road_with_many_turns_keeps_its_shape():
+    turns = 300
+    x = np.arange(turns + 1) * 2.0
+    path = Path(np.stack([x, np.where(np.arange(turns + 1) % 2, 0.5, -0.5)], axis=-1))
+    driven = path.position(np.linspace(0.0, path.length, 400_000))
+    crests = driven[:, 1].max(), driven[:, 1].min()
+    # The ends of the spline are free and swing further out.
+    assert np.abs(np.array(crests)).max() < 0.7
+    for waypoint in ([2.0, 0.5], [300.0, -0.5]):
+        assert np.linalg.norm(driven - waypoint, axis=1).min() < 5e-3

@@ -142,7 +142,7 @@ def test_numpy_numbers_in_a_scenario_are_stored_as_plain_ones(open_floor):
         ("duration:", "duraton:", "duraton"),
         ("yaw: 0.0}", "yaw: 0.0, z: 1.0}", "start.z"),
         ("obstacles:", "robot: {wheels: 4}\nobstacles:", "robot.wheels"),
-        ("radius: 0.2}\n- !Box", "radius: 0.2, colour: red}\n- !Box", "obstacles"),
+        ("radius: 0.2}\n- !Box", "radius: 0.2, colour: red}\n- !Box", "obstacles[0].colour"),
         ("duration: 15.0", "duration: soon", "duration"),
         ("duration: 15.0", "duration: [15.0]", "duration"),
         ("duration: 15.0", "duration:", "duration"),
@@ -150,9 +150,37 @@ def test_numpy_numbers_in_a_scenario_are_stored_as_plain_ones(open_floor):
         ("name: task", "name: [a, b]", "name"),
         ("{x: 0.0, y: 0.0, yaw: 0.0}", "3", "start"),
         ("{x: 0.0, y: 0.0, yaw", "{x: left, y: 0.0, yaw", "start.x"),
-        ("!Circle", "!Disc", "obstacles"),
-        ("[1.5, -0.8]", "[1.5, low]", "routes"),
-        ("[1.5, -0.8]", "1.5", "routes"),
+        ("!Circle", "!Disc", "obstacles[0]"),
+        ("!Box", "!box", "obstacles[1]"),
+        ("[1.5, -0.8]", "[1.5, low]", "routes[0].waypoints[1][1]"),
+        ("[1.5, -0.8]", "1.5", "routes[0].waypoints[1]"),
+        ("obstacles:\n", "obstacles:\nx_obstacles:\n", "obstacles"),
+        ("sides: {pillar: right, wall: right}", "sides: left", "routes[0].sides"),
+        # Given twice, or by a key that is not text.
+        ("duration: 15.0", "duration: 15.0\nduration: 20.0", "duration"),
+        ("goal: {x: 3.0", "goal: {x: 3.0, x: 2.0", "goal.x"),
+        ("{pillar: right, wall", "{pillar: right, pillar: right, wall", "routes[0].sides.pillar"),
+        ("duration: 15.0", "duration: 15.0\noff: 1", "off"),
+        ("{pillar: right, wall", "{no: left, pillar: right, wall", "routes[0].sides.no"),
+        ("{pillar: right, wall", "{1: left, pillar: right, wall", "routes[0].sides.1"),
+        ("duration: 15.0", "duration: 15.0\n[a, b]: 1", "must"),
+        # What YAML reads as something else than is written.
+        ("duration: 15.0", "duration: 1:30", "duration"),
+        ("duration: 15.0", "duration: 017", "duration"),
+        ("name: below", "name: off", "routes[0].name"),
+        ("name: below", "name: 1_0", "routes[0].name"),
+        # Names that are parts of paths.
+        ("name: task", "name: ../task", "name"),
+        ("name: task", "name: /tmp/task", "name"),
+        ("name: task", "name: 'a\\b'", "name"),
+        ("name: task", "name: .hidden", "name"),
+        ("name: task", 'name: "ta\\0sk"', "name"),
+        ("name: task", 'name: "ta\\nsk"', "name"),
+        ("name: task", f"name: {'long' * 30}", "name"),
+        ("name: between", 'name: "be\\0tween"', "routes"),
+        # Angles in degrees.
+        ("yaw: 0.0}", "yaw: -45}", "start.yaw"),
+        ("width: 0.1", "width: 0.1, yaw: 30", "obstacles[1].yaw"),
         # NaN and infinite values.
         ("duration: 15.0", "duration: .nan", "duration"),
         ("control_period: 0.05", "control_period: .inf", "control_period"),
@@ -217,6 +245,64 @@ def test_a_bad_scenario_is_refused_in_one_line_that_names_file_and_field(write, 
     assert refused(write(old, new)).startswith(f"{field} ")
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "parts"),
+    [
+        ("duration: 15.0", "duration: 15.0\nduration: 20.0", ("lines 2 and 3",)),
+        ("radius: 0.2}\n- !Box", "raduis: 0.2}\n- !Box", ("'pillar'", "'radius'", "line 8")),
+        ("!Box", "!box", ("!box", "'!Box'", "line 9")),
+        ("duration:", "Duration:", ("'duration'", "line 2")),
+        ("duration: 15.0", "duration: 15.0\noff: 1", ("'off'", "false", "line 3")),
+        ("yaw: 0.0}", "yaw: 90}", ("radians", "1.5708")),
+    ],
+)
+def test_the_message_helps_to_mend_the_file(write, old, new, parts):
+    text = refused(write(old, new))
+    assert all(part in text for part in parts)
+    assert "class" not in text
+
+
+def test_text_in_quotes_and_numbers_with_exponents_are_what_they_look_like(write):
+    scenario = load_scenario(write("name: below", "name: 'off'"))
+    assert scenario.routes[0].name == "off"
+    assert load_scenario(write("duration: 15.0", "duration: 1.5e1")).duration == 15.0
+    assert load_scenario(write("duration: 15.0", "duration: 15e0")).duration == 15.0
+
+
+def test_names_may_have_spaces_and_letters_of_any_language(write):
+    assert load_scenario(write("name: task", "name: Küche 2.b")).name == "Küche 2.b"
+
+
+def test_anchors_merges_and_templates_are_still_read(write):
+    scenario = load_scenario(
+        write(
+            "- !Circle {name: pillar, x: 1.5, y: 0.0, radius: 0.2}",
+            "- !Circle {<<: {x: 1.0, y: 0.0, radius: 0.2}, name: pillar, x: 1.5}",
+        )
+    )
+    assert (scenario.obstacles[0].x, scenario.obstacles[0].radius) == (1.5, 0.2)
+    template = write("duration: 15.0", "_twelve: &twelve 12.0\nduration: *twelve")
+    assert load_scenario(template).duration == 12.0
+
+
+def test_the_robots_model_lies_beside_the_file_wherever_one_works(write, tmp_path, monkeypatch):
+    model = load_scenario().robot.model_path()
+    file = write("obstacles:", "robot: {model: mine/rover.sdf}\nobstacles:")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "rover.sdf").write_text(model.read_text())
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    scenario = load_scenario(file)
+    assert scenario.robot.model_path() == tmp_path / "mine" / "rover.sdf"
+    monkeypatch.chdir(tmp_path)
+    relative = load_scenario(file.name)
+    monkeypatch.chdir("/")
+    # Read back from a log, in a third folder.
+    assert scenario_from_dict(dataclasses.asdict(relative)).robot.model_path().samefile(
+        tmp_path / "mine" / "rover.sdf"
+    )
+
+
 @pytest.mark.parametrize("routes", ["routes: []\n", ""])
 def test_a_scenario_without_routes_is_refused(tmp_path, routes):
     file = tmp_path / "task.yaml"
@@ -255,7 +341,7 @@ def test_yaml_that_would_run_code_is_refused(write, tmp_path):
         ({"goal": [1.0, 2.0]}, "goal"),
         ({"start": {"x": "left"}}, "start.x"),
         ({"weather": "sun"}, "weather"),
-        ({"routes": [{"name": "a", "waypoints": [1, 2], "sides": {}}]}, "routes"),
+        ({"routes": [{"name": "a", "waypoints": [1, 2], "sides": {}}]}, "routes[0].waypoints[0]"),
         ({"routes": []}, "routes"),
         ({"obstacles": None}, ""),
         ({"obstacles": "none"}, ""),
