@@ -7,7 +7,8 @@ import json as json_library
 from pathlib import Path
 
 from drake_shared.cli.command import Command
-from drake_shared.cli.common import print_json, say
+from drake_shared.cli.common import print_json
+from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_writable, replacing
 

@@ -1,24 +1,19 @@
-"""Shared by several commands: messages, the learner, and results as JSON."""
+"""Shared by several commands: the learner, and results as JSON."""
 
 from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import models_directory
 from drake_shared.learners import Learner, load_learner
 from drake_shared.learners.storage import learner_id
 from drake_shared.scenario import Scenario
-
-
-def say(message: str) -> None:
-    """Prints a message to standard error; standard output is for results."""
-    print(message, file=sys.stderr, flush=True)
 
 
 def choose_model(scenario: Scenario, model: Path | None, preset: str) -> Path:

@@ -6,8 +6,9 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from drake_shared.cli.common import open_learner, print_json, say
+from drake_shared.cli.common import open_learner, print_json
 from drake_shared.cli.options import LearnerOptions
+from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_target
 from drake_shared.learners import Learner

@@ -20,6 +20,7 @@ import tyro
 from drake_shared.cli.command import Command
 from drake_shared.cli.messages import usage_error
 from drake_shared.cli.old_spellings import translate
+from drake_shared.common.console import say, tolerant_streams
 from drake_shared.common.errors import DrakeSharedError, InputError
 
 # A module is imported only when its command is used or all are listed, so that --help stays quick.
@@ -41,18 +42,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command. Exit status: 0 done, 1 the run failed, 2 bad usage or bad input, 130 Ctrl-C."""
     logging.getLogger("drake").setLevel(logging.WARNING)
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if given == ["--version"]:
-        print(f"drake-shared {importlib.metadata.version('drake_shared')}")
-        return 0
     try:
-        with _ends_on_sigterm():
-            parse(given).run()
+        with tolerant_streams(), _ends_on_sigterm():
+            _check_encoding(given)
+            if given == ["--version"]:
+                print(f"drake-shared {importlib.metadata.version('drake_shared')}")
+            else:
+                parse(given).run()
     except DrakeSharedError as error:
-        print(f"drake-shared: {error}", file=sys.stderr)
+        say(f"drake-shared: {error}")
         return 2 if isinstance(error, InputError) else 1
     except KeyboardInterrupt:
         return 130
     return 0
+
+
+def _check_encoding(arguments: Sequence[str]) -> None:
+    """Refuses file names that are not UTF-8: files and messages that name them could not be written."""
+    for argument in arguments:
+        try:
+            argument.encode()
+        except UnicodeEncodeError:
+            raise InputError(ascii(argument), "", "must be UTF-8, like all names of files") from None
 
 
 def parse(arguments: Sequence[str]) -> Command:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 
+from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 
 _RENAMED = {"--mode": "--driver", "--safety": "--safety-clearance"}
@@ -35,7 +35,7 @@ def translate(arguments: Sequence[str]) -> list[str]:
         new += given
         translated += given
     if old:
-        print(f"warning: {' '.join(old)} is now {' '.join(new)}", file=sys.stderr, flush=True)
+        say(f"warning: {' '.join(old)} is now {' '.join(new)}")
     return translated
 
 

@@ -11,7 +11,8 @@ import tyro
 
 from drake_shared.arbitration.authority import Authority
 from drake_shared.cli.command import Command
-from drake_shared.cli.common import learner_of_log, print_json, say
+from drake_shared.cli.common import learner_of_log, print_json
+from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 from drake_shared.simulation.config import SharedControlConfig, config_for, load_config
 

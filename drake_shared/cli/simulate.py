@@ -8,8 +8,9 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from drake_shared.cli.common import open_learner, print_json, say
+from drake_shared.cli.common import open_learner, print_json
 from drake_shared.cli.options import LearnerOptions
+from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.scenario import Scenario

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from drake_shared.cli.common import say
 from drake_shared.cli.options import ControlOptions
+from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_target
 from drake_shared.operators.behaviour import Behaviour

@@ -8,7 +8,8 @@ from typing import Any, Literal
 
 from drake_shared.analysis.weight_figure import draw_weights
 from drake_shared.cli.command import Command
-from drake_shared.cli.common import print_json, say
+from drake_shared.cli.common import print_json
+from drake_shared.common.console import say
 from drake_shared.common.files import check_target
 from drake_shared.demonstrations import (
     Demonstrations,

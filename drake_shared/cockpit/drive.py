@@ -18,6 +18,7 @@ from drake_shared.cockpit.driver_lock import DriverLock
 from drake_shared.cockpit.meshcat_proxy import start_meshcat
 from drake_shared.cockpit.server import DEFAULT_PORT, CockpitServer
 from drake_shared.cockpit.session import Session
+from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_writable
 from drake_shared.common.threads import single_threaded
@@ -100,7 +101,7 @@ def open_session(
     host: str = "127.0.0.1",
     port: int = 0,
     interrupted: threading.Event | None = None,
-    report: Callable[[str], None] = lambda message: print(message, file=sys.stderr, flush=True),
+    report: Callable[[str], None] = say,
     on_trial: Callable[[Trial], bool | None] = lambda _: None,
 ) -> Iterator[Session]:
     """Starts the server, builds the simulation, and yields the session, ready to run.

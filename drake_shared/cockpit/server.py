@@ -17,7 +17,7 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 from aiohttp.http_exceptions import HttpProcessingError
 
-from drake_shared.cockpit.access import Access, is_loopback
+from drake_shared.cockpit.access import Access
 from drake_shared.cockpit.broadcast import Broadcast, PageConnection
 from drake_shared.cockpit.connection_limits import ConnectionLimiter
 from drake_shared.cockpit.driver_lock import LOST, DriverLock
@@ -74,6 +74,7 @@ class CockpitServer:
         self.driver_lock = driver_lock
         self.host = host
         self.port = port
+        self._bound = host
         self._access = Access(host=host, token=token)
         self._meshcat = MeshcatProxy(meshcat_url)
         self._broadcast = Broadcast()
@@ -87,10 +88,13 @@ class CockpitServer:
 
     @property
     def address(self) -> str:
-        """The address to open in a browser, key included."""
-        shown = "localhost" if is_loopback(self.host) else self.host
-        if shown in ("0.0.0.0", "::", ""):
-            shown = socket.gethostname()
+        """The address to open in a browser, key included.
+
+        It is the address that the server listens on, and not a name such as localhost, under which another
+        program may listen on the same port and receive the key.
+        """
+        host = socket.gethostname() if self._bound in ("0.0.0.0", "::") else self._bound
+        shown = f"[{host}]" if ":" in host else host
         return f"http://{shown}:{self.port}/?k={self._access.token}"
 
     @property
@@ -105,7 +109,7 @@ class CockpitServer:
             InputError: The port is in use, or the address is not one of this computer.
         """
         listener = listen(self.host, self.port)
-        self.port = listener.getsockname()[1]
+        self._bound, self.port = listener.getsockname()[:2]
         started: queue.Queue[BaseException | None] = queue.Queue()
         self._thread = threading.Thread(
             target=self._run, args=(listener, started), name="cockpit", daemon=True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,24 +24,22 @@ def models_directory() -> Path:
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yields a temporary path beside ``path`` and renames it to ``path`` on success.
 
-    On an exception the temporary file is removed and ``path`` is unchanged.
+    On an exception the temporary file is removed and ``path`` is unchanged. If ``path`` is a symbolic link,
+    the file that it leads to is replaced. A file that exists keeps its permissions.
 
     Raises:
         InputError: ``path`` cannot be written to.
         RunError: Writing failed, because the disk is full, for example.
     """
-    target = Path(path)
-    check_target(target)
+    check_target(path)
+    target = Path(os.path.realpath(path))
     try:
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
         os.close(handle)
         temporary = Path(name)
         try:
             yield temporary
-            # mkstemp makes files private; the file gets the mode that open() would give it.
-            mask = os.umask(0)
-            os.umask(mask)
-            temporary.chmod(0o666 & ~mask)
+            temporary.chmod(_mode_of(target))
             temporary.replace(target)
         finally:
             temporary.unlink(missing_ok=True)
@@ -50,6 +49,15 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise RunError(f"{target}: cannot be written ({reason})") from error
 
 
+def _mode_of(target: Path) -> int:
+    """Permissions of a file, or those that open() would give to a new one; mkstemp makes files private."""
+    if target.exists():
+        return stat.S_IMODE(target.stat().st_mode)
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
+
+
 def sha256_of(path: str | os.PathLike[str]) -> str:
     """SHA-256 of a file's content, in hexadecimal."""
     with open(path, "rb") as file:
@@ -57,14 +65,18 @@ def sha256_of(path: str | os.PathLike[str]) -> str:
 
 
 def check_target(path: str | os.PathLike[str]) -> None:
-    """Checks that a file can be written at ``path``; creates its folder if needed.
+    """Checks that a file can be written at ``path``, or where it leads to; creates its folder if needed.
 
     Raises:
-        InputError: The folder cannot be created or written to, or ``path`` is a folder.
+        InputError: The folder cannot be created or written to, or ``path`` is a folder, a device, a FIFO or a
+            link to itself.
     """
-    check_writable(Path(path).parent)
-    if os.path.isdir(path):
+    target = os.path.realpath(path)
+    if os.path.isdir(target):
         raise InputError(path, "", "must be a file to write, not a folder")
+    if os.path.islink(target) or (os.path.exists(target) and not os.path.isfile(target)):
+        raise InputError(path, "", "must be a file to write, not a device, a FIFO or a link to itself")
+    check_writable(os.path.dirname(target))
 
 
 def check_writable(directory: str | os.PathLike[str]) -> None:

@@ -127,8 +127,8 @@ def _name_in(node: yaml.MappingNode) -> str | None:
 
 
 def _decimal(text: str) -> float | None:
-    """The number as Python reads it, infinity included."""
+    """The number that a plain decimal notation stands for, infinity included."""
     try:
-        return float(text.replace("_", "").replace(".inf", "inf").replace(".Inf", "inf").replace(".INF", "inf"))
+        return float(text.lower().replace("_", "").replace(".inf", "inf"))
     except ValueError:
         return None

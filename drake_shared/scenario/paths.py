@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 SPACING = 0.005
 """Between the points of a curve, in [m], for a robot of the size of the Pioneer P3-DX."""
 
-# A curve has at most so many points, and more only where its waypoints ask for them: 20,000 are 100 m for that
-# robot. Beyond, the points are further apart, and memory and time do not grow with the length.
+# A curve has at most so many points, unless it has many waypoints: 20,000 are 100 m for that robot. On a
+# longer one they are further apart, and memory and time do not grow with the length.
 _MAX_POINTS = 20_000
 _POINTS_PER_WAYPOINT = 100
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -102,6 +103,25 @@ def test_bad_input_as_a_process_is_status_2_and_one_line(tmp_path):
     assert done.stdout == ""
     assert done.stderr.count("\n") == 1
     assert "nowhere.yaml must be a scenario file" in done.stderr
+
+
+def test_file_names_that_are_not_utf8_are_bad_input(cli):
+    status, out, err = cli("train", "--demos", os.fsdecode(b"\xff.parquet"), "--out", "x")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert err.isascii()
+
+
+def test_output_that_nobody_reads_to_its_end_is_no_failure():
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-m", "drake_shared.cli.main", "simulate", "--help"],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -292,7 +292,7 @@ def client():
 
     def run(talk):
         async def main():
-            async with aiohttp.ClientSession() as http:
+            async with aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as http:
                 return await asyncio.wait_for(talk(http), PATIENCE)
 
         result: list = []

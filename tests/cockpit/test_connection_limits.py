@@ -112,7 +112,7 @@ def test_a_link_from_another_site_works_with_the_key(server, client):
         async with http.get(server.address):
             pass
         headers = {"Sec-Fetch-Site": "same-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
-        async with http.get(f"http://localhost:{server.port}/", headers=headers) as answer:
+        async with http.get(f"http://127.0.0.1:{server.port}/", headers=headers) as answer:
             return answer.status
 
     assert client(talk) == 200
@@ -145,7 +145,7 @@ def test_pages_do_not_learn_drakes_own_port(server, client, meshcat):
         async with http.get(server.address) as answer:
             texts += [await answer.text(), str(answer.headers)]
         (part,) = re.findall(r'src="(cas-v1/[0-9a-f]+)"', texts[0])
-        async with http.get(f"http://localhost:{server.port}/{part}") as answer:
+        async with http.get(f"http://127.0.0.1:{server.port}/{part}") as answer:
             texts += [await answer.text(), str(answer.headers)]
         return texts
 

@@ -3,6 +3,8 @@
 import asyncio
 import json
 import re
+import socket
+from urllib.parse import urlsplit
 
 import aiohttp
 import pytest
@@ -27,7 +29,7 @@ def server(meshcat):
 
 
 def origin_of(server: CockpitServer) -> str:
-    return f"http://localhost:{server.port}"
+    return f"http://127.0.0.1:{server.port}"
 
 
 async def authenticate(http: aiohttp.ClientSession, server: CockpitServer) -> None:
@@ -328,3 +330,20 @@ def test_stopping_closes_the_pages_and_ends_the_thread(meshcat, client):
 
     assert client(talk) == (1001, "ended")
     server.publish("now", {"t": 0})  # No page is left; nothing happens.
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.2", "localhost", "::1"])
+def test_the_address_is_the_one_that_is_bound(meshcat, client, host):
+    """Another program may listen under the same name, on the other loopback address."""
+    with CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=DriverLock(), host=host, port=0) as server:
+        shown = urlsplit(server.address)
+        expected = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)[0][4][0]
+        assert shown.hostname == expected
+        with socket.create_connection((shown.hostname, shown.port)) as connection:
+            assert connection.getpeername()[0] == expected
+
+        async def talk(http):
+            async with http.get(server.address) as answer:
+                return answer.status
+
+        assert client(talk) == 200

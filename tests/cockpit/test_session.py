@@ -368,7 +368,7 @@ def test_a_signal_ends_the_program_and_the_trial_is_saved(tmp_path, number):
         time.sleep(0.5)
         process.send_signal(number)
         _, messages = process.communicate(timeout=30)
-    assert address.startswith("http://localhost:")
+    assert address.startswith("http://127.0.0.1:")
     assert process.returncode == 0, messages
     assert "interrupted" in messages
     (path,) = (tmp_path / "logs").iterdir()

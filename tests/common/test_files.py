@@ -91,6 +91,42 @@ def test_a_folder_where_the_file_should_be_is_bad_input_and_leaves_nothing(tmp_p
     assert os.listdir(tmp_path) == ["log.txt"]
 
 
+def test_a_link_is_followed_and_stays_a_link(tmp_path):
+    (tmp_path / "store").mkdir()
+    (tmp_path / "store" / "v1.txt").write_text("old")
+    link = tmp_path / "latest.txt"
+    link.symlink_to(Path("store") / "v1.txt")
+    write(link)
+    assert link.is_symlink()
+    assert (tmp_path / "store" / "v1.txt").read_text() == "x"
+    assert os.listdir(tmp_path / "store") == ["v1.txt"]
+
+
+def test_a_link_to_a_file_that_does_not_exist_yet_makes_that_file(tmp_path):
+    (tmp_path / "later").symlink_to(tmp_path / "new.txt")
+    write(tmp_path / "later")
+    assert (tmp_path / "new.txt").read_text() == "x"
+    assert (tmp_path / "later").is_symlink()
+
+
+def test_devices_fifos_and_links_to_themselves_are_bad_input_and_stay(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "null").symlink_to("/dev/null")
+    for path in (tmp_path / "fifo", tmp_path / "loop", tmp_path / "null", Path("/dev/null")):
+        with pytest.raises(InputError) as caught:
+            write(path)
+        assert caught.value.source == str(path)
+    assert sorted(os.listdir(tmp_path)) == ["fifo", "loop", "null"]
+    assert (tmp_path / "fifo").is_fifo()
+
+
+def test_a_file_that_exists_keeps_its_permissions(tmp_path):
+    (tmp_path / "private.txt").touch(0o600)
+    write(tmp_path / "private.txt")
+    assert (tmp_path / "private.txt").stat().st_mode & 0o777 == 0o600
+
+
 def test_checking_a_folder_leaves_no_file_in_it(tmp_path):
     check_writable(tmp_path / "logs")
     assert os.listdir(tmp_path / "logs") == []

@@ -61,7 +61,7 @@ class Client:
 async def connect(http: aiohttp.ClientSession, address: str):
     async with http.get(address) as response:
         assert response.status == 200
-    origin = f"http://localhost:{urlsplit(address).port}"
+    origin = f"http://127.0.0.1:{urlsplit(address).port}"
     return http.ws_connect(f"{origin}/drive", origin=origin)
 
 

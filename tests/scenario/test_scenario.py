@@ -298,8 +298,10 @@ def test_the_robots_model_lies_beside_the_file_wherever_one_works(write, tmp_pat
     relative = load_scenario(file.name)
     monkeypatch.chdir("/")
     # Read back from a log, in a third folder.
-    assert scenario_from_dict(dataclasses.asdict(relative)).robot.model_path().samefile(
-        tmp_path / "mine" / "rover.sdf"
+    assert (
+        scenario_from_dict(dataclasses.asdict(relative))
+        .robot.model_path()
+        .samefile(tmp_path / "mine" / "rover.sdf")
     )
 
 
