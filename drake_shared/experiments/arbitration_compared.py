@@ -18,7 +18,7 @@ from drake_shared.analysis.statistics import (
     paired_claims,
 )
 from drake_shared.arbitration.authority import Authority
-from drake_shared.experiments.common import ALONE_COST, TRIAL_COST, row_of, run
+from drake_shared.experiments.common import ALONE_COST, TRIAL_COST
 from drake_shared.experiments.drawing import (
     BLACK,
     COLOURS,
@@ -36,7 +36,7 @@ from drake_shared.experiments.measures import (
     by_learner,
     estimate,
 )
-from drake_shared.experiments.paired_trials import demonstrations_of, groups, settings_of
+from drake_shared.experiments.paired_trials import Condition, demonstrations_of, groups, run_conditions
 from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size, Table
 from drake_shared.experiments.text import number, paragraphs, with_interval
 from drake_shared.experiments.training import studied, train_all, training_cost
@@ -118,25 +118,21 @@ def run_arms(scenario: str | None, kind: str, learners: list[int], trials: int) 
         learners: Indices, which determine demonstrations, trainings and trials.
         trials: Number of trials with each learner, operator and arm.
     """
-    return [
-        row_of(
-            run(scenario, learner, config=ARMS[arm], **settings_of(scenario, operator, index, trial)),
-            arm=arm,
-            kind=kind,
-            operator=operator,
-            learner=index,
+    conditions = [
+        Condition(
+            columns={"arm": arm, "kind": kind, "operator": operator}, operator=operator, config=ARMS[arm]
         )
-        for index, learner in zip(learners, _trained(scenario, kind, learners), strict=True)
         for operator in OPERATORS
         for arm in ARMS_OF_LEARNERS[kind]
-        for trial in range(trials)
     ]
+    trained = dict(zip(learners, _trained(scenario, kind, learners), strict=True))
+    return run_conditions(scenario, trained, conditions, trials)
 
 
 def _trained(scenario: str | None, kind: str, learners: Sequence[int]) -> list[Any]:
     if kind == "none":
         return [None] * len(learners)
-    sets = [demonstrations_of(scenario, index) for index in learners]
+    sets = demonstrations_of(scenario, learners)
     if kind != "mixture":
         return train_all(sets, learners, preset=kind)
     from drake_shared.learners.mixture.training import train_mixture

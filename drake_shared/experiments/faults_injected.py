@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from drake_shared.analysis.statistics import Claim, never, not_worse
-from drake_shared.experiments.common import ALONE_COST, TRIAL_COST, row_of, run
+from drake_shared.experiments.common import ALONE_COST, TRIAL_COST
 from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
 from drake_shared.experiments.measures import (
     COLLISIONS,
@@ -19,7 +19,7 @@ from drake_shared.experiments.measures import (
     estimate,
     means_table,
 )
-from drake_shared.experiments.paired_trials import demonstrations_of, groups, settings_of
+from drake_shared.experiments.paired_trials import Condition, demonstrations_of, groups, run_conditions
 from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size, Table
 from drake_shared.experiments.text import number, paragraphs
 from drake_shared.experiments.training import train_all, training_cost
@@ -98,15 +98,24 @@ def run_faults(
         trials: Number of trials with each learner, severity and arm.
         severities: Of each fault, without 0.
     """
-    sets = [demonstrations_of(scenario, index) for index in learners]
-    trained = train_all(sets, learners, preset=PRESET)
-    return [
-        row
+    trained = train_all(demonstrations_of(scenario, learners), learners, preset=PRESET)
+    conditions = [
+        Condition(
+            columns={"fault": fault, "severity": severity, "arm": arm},
+            operator=OPERATOR,
+            config=SharedControlConfig(faults=faults_of(fault, severity)),
+            alone=arm == "alone",
+        )
         for fault, severity in _cases(severities)
         for arm in arms_of(fault)
-        for index, learner in zip(learners, trained, strict=True)
-        for row in _trials(scenario, fault, severity, arm, index, learner, trials)
     ]
+    return run_conditions(
+        scenario,
+        dict(zip(learners, trained, strict=True)),
+        conditions,
+        trials,
+        measure=lambda trial: {"not_finite": count_not_finite(trial)},
+    )
 
 
 def _cases(severities: Mapping[str, Sequence[float]]) -> Iterator[tuple[str, float]]:
@@ -114,23 +123,6 @@ def _cases(severities: Mapping[str, Sequence[float]]) -> Iterator[tuple[str, flo
     for fault, values in severities.items():
         for severity in values:
             yield fault, severity
-
-
-def _trials(
-    scenario: str | None, fault: str, severity: float, arm: str, index: int, learner: Any, trials: int
-) -> Iterator[dict[str, Any]]:
-    config = SharedControlConfig(faults=faults_of(fault, severity))
-    for turn in range(trials):
-        settings = settings_of(scenario, OPERATOR, index, turn)
-        trial = run(scenario, None if arm == "alone" else learner, config=config, **settings)
-        yield row_of(
-            trial,
-            fault=fault,
-            severity=severity,
-            arm=arm,
-            learner=index,
-            not_finite=count_not_finite(trial),
-        )
 
 
 def faults_of(fault: str, severity: float) -> Faults:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from drake_shared.analysis.statistics import Claim, claim, interval, paired_claims
 from drake_shared.demonstrations import sampling_weights
-from drake_shared.experiments.common import as_demonstrations, demonstrate, scenario_of
+from drake_shared.experiments.common import Teaching, demonstrated, scenario_of
 from drake_shared.experiments.drawing import (
     COLOURS,
     ROUTES,
@@ -101,7 +101,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
 def run_seeds(scenario: str | None, preset: str, seeds: list[int]) -> dict[str, Any]:
     """Trains a plain and a weighted learner from each seed, and evaluates their predictions."""
     world = scenario_of(scenario)
-    demonstrations = as_demonstrations(scenario, demonstrate(scenario, seed=_SEED))
+    (demonstrations,) = demonstrated(scenario, [Teaching(seed=_SEED)])
     weighted = [False, True] * len(seeds)
     learners = train_all(
         [demonstrations] * len(weighted), np.repeat(seeds, 2).tolist(), preset=preset, weighted=weighted

@@ -7,6 +7,7 @@ on, and its training has seed k.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,10 +28,10 @@ from drake_shared.analysis.replay import write_replay
 from drake_shared.analysis.statistics import Claim, claim, interval, paired_claims
 from drake_shared.experiments.common import (
     TRIAL_COST,
-    as_demonstrations,
-    demonstrate,
+    Teaching,
+    demonstrated,
     row_of,
-    run,
+    run_all,
     scenario_of,
     simulation_of,
 )
@@ -78,18 +79,21 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
 def run_learners(scenario: str | None, preset: str, learners: list[int], trials: int) -> dict[str, Any]:
     """Runs trials with learners that have demonstrations of their own; one trial of the first is shown."""
     routes = [route.name for route in scenario_of(scenario).routes]
-    sets = [
-        as_demonstrations(scenario, demonstrate(scenario, seed=_DEMONSTRATION_SEED + _STRIDE * index))
+    sets = demonstrated(
+        scenario, [Teaching(seed=_DEMONSTRATION_SEED + _STRIDE * index) for index in learners]
+    )
+    trained = train_all(sets, learners, preset=preset)
+    settings = [
+        TrialSettings(route=routes[turn % len(routes)], seed=_TRIAL_SEED + _STRIDE * index + turn)
         for index in learners
+        for turn in range(trials)
     ]
+    all_driven = run_all(scenario, [one for one in trained for _ in range(trials)], settings)
     rows, by_learner, shown = [], [], {}
-    for index, learner in zip(learners, train_all(sets, learners, preset=preset), strict=True):
-        driven, parts, clocks = [], [], []
-        for turn in range(trials):
-            seed = _TRIAL_SEED + _STRIDE * index + turn
-            trial = run(scenario, learner, route=routes[turn % len(routes)], seed=seed)
+    for index, learner in zip(learners, trained, strict=True):
+        driven, parts, clocks = list(itertools.islice(all_driven, trials)), [], []
+        for trial in driven:
             part = ambiguity(trial, learner.grid, learner.demonstrations)
-            driven.append(trial)
             parts.append(part)
             clocks.append(dataclasses.replace(part, human_weight=-trial["t"][:-1]))
             kinds = {"ambiguous_share": part.ambiguous, "clear_share": part.clear}

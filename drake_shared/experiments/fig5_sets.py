@@ -15,7 +15,13 @@ from drake_shared.analysis.statistics import interval
 from drake_shared.analysis.weight_figure import draw_weights_on
 from drake_shared.common.errors import RunError
 from drake_shared.demonstrations import Demonstration, Demonstrations, sampling_weights
-from drake_shared.experiments.common import as_demonstrations, demonstrate, route_count, scenario_of
+from drake_shared.experiments.common import (
+    Teaching,
+    demonstrate,
+    demonstrated,
+    route_count,
+    scenario_of,
+)
 from drake_shared.experiments.drawing import draw_scene, limit_to_workspace, new_figure
 from drake_shared.experiments.measures import select
 from drake_shared.experiments.paired_trials import groups
@@ -49,19 +55,25 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
 def run_repeats(scenario: str | None, preset: str, repeats: list[int]) -> dict[str, Any]:
     """Makes the first demonstrations, and those added in shared control and by the human alone."""
     seeds = [_SEED + _STRIDE * repeat for repeat in repeats]
-    first = [as_demonstrations(scenario, demonstrate(scenario, seed=seed)) for seed in seeds]
-    learners = train_all(first, repeats, preset=preset)
+    first = demonstrated(scenario, [Teaching(seed=seed) for seed in seeds])
+    # The demonstrations of the human alone are the same for both presets: one task makes them.
+    partners: dict[str, list[Any]] = {preset: train_all(first, repeats, preset=preset)}
+    if preset == "default":
+        partners["human"] = [None] * len(repeats)
     rows: list[dict[str, Any]] = []
     shown: dict[str, Any] = {}
     missing: list[dict[str, Any]] = []
-    for repeat, seed, known, learner in zip(repeats, seeds, first, learners, strict=True):
-        # The demonstrations of the human alone are the same for both presets: one task makes them.
-        partners = {preset: learner} | ({"human": None} if preset == "default" else {})
-        for name, partner in partners.items():
-            try:
-                new = demonstrate(scenario, learner=partner, seed=seed + _ADDED)
-            except RunError as error:
-                missing.append({"set": name, "repeat": repeat, "why": str(error)})
+    for name, learners in partners.items():
+        added = demonstrate(
+            scenario,
+            [
+                Teaching(seed=seed + _ADDED, learner=learner)
+                for seed, learner in zip(seeds, learners, strict=True)
+            ],
+        )
+        for repeat, known, new in zip(repeats, first, added, strict=True):
+            if isinstance(new, RunError):
+                missing.append({"set": name, "repeat": repeat, "why": str(new)})
                 continue
             rows += _rows(name, repeat, known, new)
             shown.setdefault(name, [_as_json(item) for item in (*known, *new)])

@@ -19,10 +19,11 @@ from drake_shared.common.errors import RunError
 from drake_shared.demonstrations import Demonstration
 from drake_shared.experiments.common import (
     TRIAL_COST,
+    Teaching,
     as_demonstrations,
     demonstrate,
     row_of,
-    run,
+    run_all,
     scenario_of,
 )
 from drake_shared.experiments.fig6_comparison import (
@@ -50,7 +51,6 @@ from drake_shared.experiments.paired_trials import groups, route_settings
 from drake_shared.experiments.section import Experiment, PlannedTask, Rows, Section, Size
 from drake_shared.experiments.text import number, paragraphs
 from drake_shared.experiments.training import PRESETS, train_all, training_cost
-from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.named import OPERATORS
 from drake_shared.simulation.runner import Task
 
@@ -133,29 +133,28 @@ def run_repeats(
         rows.append({"preset": preset, "operator": operator, "repeat": repeat, "failed": str(error)})
 
     base = {}
-    for repeat in repeats:
-        try:
-            base[repeat] = demonstrate(scenario, count=_ADDED, seed=seed_of(repeat, _BASE))
-        except RunError as error:
-            for operator in operators:
-                fail(operator, repeat, error)
+    driven = demonstrate(
+        scenario, [Teaching(count=_ADDED, seed=seed_of(repeat, _BASE)) for repeat in repeats]
+    )
+    for repeat, made in zip(repeats, driven, strict=True):
+        if not isinstance(made, RunError):
+            base[repeat] = made
+            continue
+        for operator in operators:
+            fail(operator, repeat, made)
     sets = [as_demonstrations(scenario, items) for items in base.values()]
     first = dict(zip(base, train_all(sets, list(base), preset=preset), strict=True))
 
     conditions = conditions_of(setups, arms)
     second_sets, unmatched = {}, {}
-    for operator in operators:
-        behaviour = OPERATORS[operator].behaviour_in(scenario_of(scenario))
-        for repeat, learner in first.items():
-            try:
-                added = _added_runs(scenario, learner, repeat, behaviour, setups)
-            except RunError as error:
-                fail(operator, repeat, error)
-                continue
-            unmatched[operator, repeat] = _count_unmatched(added)
-            for setup, weighted in sorted({(setup, ARMS[arm][0]) for setup, arm in conditions}):
-                items = base[repeat] + added[setup]
-                second_sets[operator, repeat, setup, weighted] = as_demonstrations(scenario, items)
+    for (operator, repeat), added in _added_runs(scenario, operators, first, setups).items():
+        if isinstance(added, RunError):
+            fail(operator, repeat, added)
+            continue
+        unmatched[operator, repeat] = _count_unmatched(added)
+        for setup, weighted in sorted({(setup, ARMS[arm][0]) for setup, arm in conditions}):
+            items = base[repeat] + added[setup]
+            second_sets[operator, repeat, setup, weighted] = as_demonstrations(scenario, items)
     trained = train_all(
         list(second_sets.values()),
         [repeat for _, repeat, _, _ in second_sets],
@@ -164,19 +163,27 @@ def run_repeats(
     )
     second = dict(zip(second_sets, trained, strict=True))
 
-    for (operator, repeat), count in unmatched.items():
-        for setup, arm in conditions:
-            weighted, kept = ARMS[arm]
-            for index in range(trials):
-                trial = run(
-                    scenario,
-                    second[operator, repeat, setup, weighted],
-                    confidence_gain=first[repeat].confidence_gain if kept else None,
-                    seed=seed_of(repeat, _TRIALS) + index,
-                    **route_settings(scenario, operator, index),
-                )
-                cell = {"preset": preset, "operator": operator, "repeat": repeat, "setup": setup, "arm": arm}
-                rows.append(row_of(trial, **cell, unmatched_drives=count))
+    runs = [
+        (operator, repeat, setup, arm, index)
+        for operator, repeat in unmatched
+        for setup, arm in conditions
+        for index in range(trials)
+    ]
+    taking_part = [second[operator, repeat, setup, ARMS[arm][0]] for operator, repeat, setup, arm, _ in runs]
+    settings = [
+        route_settings(
+            scenario,
+            operator,
+            index,
+            seed=seed_of(repeat, _TRIALS) + index,
+            confidence_gain=first[repeat].confidence_gain if ARMS[arm][1] else None,
+        )
+        for operator, repeat, _, arm, index in runs
+    ]
+    tried = run_all(scenario, taking_part, settings)
+    for (operator, repeat, setup, arm, _), trial in zip(runs, tried, strict=True):
+        cell = {"preset": preset, "operator": operator, "repeat": repeat, "setup": setup, "arm": arm}
+        rows.append(row_of(trial, **cell, unmatched_drives=unmatched[operator, repeat]))
     return rows
 
 
@@ -186,21 +193,38 @@ def seed_of(repeat: int, purpose: int) -> int:
 
 
 def _added_runs(
-    scenario: str | None, learner: Any, repeat: int, behaviour: Behaviour, setups: Sequence[str]
-) -> dict[str, list[Demonstration]]:
-    """Three further demonstrations for each setup; those of a route have the same score in all setups."""
-    seed = seed_of(repeat, _RUNS)
-    made = {
-        "shared": demonstrate(scenario, learner=learner, count=_ADDED, seed=seed, behaviour=behaviour),
-        "human": demonstrate(scenario, count=_ADDED, seed=seed, behaviour=behaviour),
-    }
-    if "more" in setups:
-        made["more"] = demonstrate(scenario, count=_ADDED, seed=seed_of(repeat, _MORE))
-    for index in range(_ADDED):
-        score = float(np.mean([made[setup][index].score for setup in ("shared", "human")]))
-        for items in made.values():
-            items[index] = dataclasses.replace(items[index], score=score)
-    return made
+    scenario: str | None, operators: Sequence[str], first: Mapping[int, Any], setups: Sequence[str]
+) -> dict[tuple[str, int], dict[str, list[Demonstration]] | RunError]:
+    """Three further demonstrations for each operator, repeat and setup, or why there are none.
+
+    Those of a route have the same score in all setups.
+    """
+    world = scenario_of(scenario)
+    kinds = {}
+    for operator in operators:
+        behaviour = OPERATORS[operator].behaviour_in(world)
+        for repeat, learner in first.items():
+            alone = Teaching(count=_ADDED, seed=seed_of(repeat, _RUNS), behaviour=behaviour)
+            kinds[operator, repeat, "shared"] = dataclasses.replace(alone, learner=learner)
+            kinds[operator, repeat, "human"] = alone
+            if "more" in setups:
+                kinds[operator, repeat, "more"] = Teaching(count=_ADDED, seed=seed_of(repeat, _MORE))
+    found: dict[tuple[str, int], dict[str, list[Demonstration]] | RunError] = {}
+    for (operator, repeat, setup), made in zip(
+        kinds, demonstrate(scenario, list(kinds.values())), strict=True
+    ):
+        own_sets = found.setdefault((operator, repeat), {})
+        if isinstance(made, RunError):
+            found[operator, repeat] = made if isinstance(own_sets, dict) else own_sets
+        elif isinstance(own_sets, dict):
+            own_sets[setup] = made
+    for sets in found.values():
+        if isinstance(sets, dict):
+            for index in range(_ADDED):
+                score = float(np.mean([sets[setup][index].score for setup in ("shared", "human")]))
+                for items in sets.values():
+                    items[index] = dataclasses.replace(items[index], score=score)
+    return found
 
 
 def _count_unmatched(added: Mapping[str, Sequence[Demonstration]]) -> int:

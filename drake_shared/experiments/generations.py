@@ -6,7 +6,8 @@ of generation g at 100 g, and of the trials at 900.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,10 +23,12 @@ from drake_shared.analysis.statistics import Claim, not_worse, paired, paired_cl
 from drake_shared.common.errors import RunError
 from drake_shared.demonstrations import Demonstration
 from drake_shared.experiments.common import (
+    Teaching,
     as_demonstrations,
     demonstrate,
+    demonstrated,
     route_count,
-    run,
+    run_all,
     scenario_of,
 )
 from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
@@ -40,12 +43,13 @@ from drake_shared.experiments.measures import (
     means_table,
     select,
 )
-from drake_shared.experiments.paired_trials import groups
+from drake_shared.experiments.paired_trials import groups, route_settings
 from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size, Table
 from drake_shared.experiments.text import paragraphs, with_interval
 from drake_shared.experiments.training import PRESETS, train_all, training_cost
 from drake_shared.operators.named import OPERATORS
 from drake_shared.simulation.runner import Task
+from drake_shared.simulation.trial import Trial
 
 OPERATOR = "unskilled"
 """The primary operator almost never fails, so no effect on its intent success would be visible."""
@@ -117,36 +121,45 @@ def run_repeats(
         trials: Number of trials with each learner, at most 100.
     """
     behaviour = OPERATORS[OPERATOR].behaviour_in(scenario_of(scenario))
-    base = {repeat: demonstrate(scenario, seed=seed_of(repeat)) for repeat in repeats}
+    driven = demonstrated(scenario, [Teaching(seed=seed_of(repeat)) for repeat in repeats])
+    base = dict(zip(repeats, map(list, driven), strict=True))
     frozen_data = {(repeat, "frozen"): items for repeat, items in base.items()}
     first = {repeat: learner for (repeat, _), learner in _train(scenario, frozen_data, preset).items()}
     data = {(repeat, arm): list(base[repeat]) for repeat in repeats for arm in FED}
     newest = {(repeat, arm): first[repeat] for repeat, arm in data}
 
-    def evaluate(repeat: int, learner: Any, items: Sequence[Demonstration]) -> dict[str, Any]:
-        return _evaluate(scenario, learner, items, seed_of(repeat, _TRIALS), trials)
+    def evaluate(cells: Mapping[Any, tuple[int, Any, Sequence[Demonstration]]]) -> dict[Any, dict[str, Any]]:
+        found = _evaluate(
+            scenario,
+            [(learner, items, seed_of(repeat, _TRIALS)) for repeat, learner, items in cells.values()],
+            trials,
+        )
+        return dict(zip(cells, found, strict=True))
 
     def row(repeat: int, arm: str, generation: int, values: Mapping[str, Any]) -> dict[str, Any]:
         cell = {"preset": preset, "operator": OPERATOR, "repeat": repeat}
         return {**cell, "arm": arm, "generation": generation, **values}
 
-    frozen = {repeat: evaluate(repeat, first[repeat], base[repeat]) for repeat in repeats}
+    frozen = evaluate({repeat: (repeat, first[repeat], base[repeat]) for repeat in repeats})
     rows = {repeat: [row(repeat, arm, 0, frozen[repeat]) for arm in ARMS] for repeat in repeats}
     for generation in range(1, generations + 1):
         grown = []
-        for repeat, arm in data:
-            learner = newest[repeat, arm] if arm == "shared" else None
-            seed = seed_of(repeat, _RUNS * generation)
-            try:
-                added = demonstrate(scenario, learner=learner, seed=seed, behaviour=behaviour)
-            except RunError:
-                # Without these repeats, only the successful loops would be evaluated.
-                continue
-            data[repeat, arm] += added
-            grown.append((repeat, arm))
+        teaching = [
+            Teaching(
+                learner=newest[repeat, arm] if arm == "shared" else None,
+                seed=seed_of(repeat, _RUNS * generation),
+                behaviour=behaviour,
+            )
+            for repeat, arm in data
+        ]
+        for key, added in zip(data, demonstrate(scenario, teaching), strict=True):
+            # Without the repeats that fail, only the successful loops would be evaluated.
+            if not isinstance(added, RunError):
+                data[key] += added
+                grown.append(key)
         newest |= _train(scenario, {key: data[key] for key in grown}, preset)
-        for (repeat, arm), learner in newest.items():
-            values = evaluate(repeat, learner, data[repeat, arm])
+        evaluated = evaluate({key: (key[0], learner, data[key]) for key, learner in newest.items()})
+        for (repeat, arm), values in evaluated.items():
             values["stalled"] = (repeat, arm) not in grown
             rows[repeat].append(row(repeat, arm, generation, values))
             if arm == FED[-1]:
@@ -168,18 +181,29 @@ def _train(
 
 
 def _evaluate(
-    scenario: str | None, learner: Any, data: Sequence[Demonstration], seed: int, trials: int
+    scenario: str | None, cells: Sequence[tuple[Any, Sequence[Demonstration], int]], trials: int
+) -> Iterator[dict[str, Any]]:
+    """Evaluates learners with their data, in trials with seeds from the given ones on."""
+    settings = [
+        route_settings(scenario, OPERATOR, index, seed=seed + index)
+        for _, _, seed in cells
+        for index in range(trials)
+    ]
+    driven = run_all(scenario, [learner for learner, _, _ in cells for _ in range(trials)], settings)
+    for learner, data, _ in cells:
+        yield _summary(scenario, learner, data, itertools.islice(driven, trials))
+
+
+def _summary(
+    scenario: str | None, learner: Any, data: Sequence[Demonstration], trials: Iterable[Trial]
 ) -> dict[str, Any]:
     """Means over the trials, the calibration over all their steps, and properties of the data."""
-    world = scenario_of(scenario)
-    behaviour = OPERATORS[OPERATOR].behaviour_in(world)
-    routes = demonstrations_of_routes(world, learner)
+    routes = demonstrations_of_routes(scenario_of(scenario), learner)
     found: list[Mapping[str, Any]] = []
     parts = []
-    for index in range(trials):
-        route = world.routes[index % len(world.routes)].name
-        trial = run(scenario, learner, route=route, seed=seed + index, behaviour=behaviour)
+    for trial in trials:
         found.append(metrics(trial))
+        route = trial.metadata["route"]
         if route in routes:
             parts.append(assess_confidence(learner, trial, routes[route], every=_EVERY))
     calibration: Mapping[str, Any] = confidence_calibration(parts) if parts else {}

@@ -14,6 +14,7 @@ from drake_shared.arbitration.authority import Authority
 from drake_shared.experiments.common import (
     as_demonstrations,
     row_of,
+    run_in,
     scenario_of,
     simulation_of,
 )
@@ -45,7 +46,7 @@ from drake_shared.experiments.text import number, paragraphs
 from drake_shared.experiments.training import PRESETS, train_all, training_cost
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.runner import Task
-from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
+from drake_shared.simulation.trial import Simulation, TrialSettings
 
 # Three trials round a new obstacle take each route of the shipped scenarios once.
 _GROUP, _ROUND = 10, 3
@@ -89,29 +90,40 @@ def run_cases(scenario: str | None, preset: str, learners: list[int], trials: in
     Returns:
         The rows, and the paths of the first trial of learner 0 by the primary operator in each case.
     """
-    arms = ("human",) if preset == "none" else tuple(ARMS)
-    rows, drawn = [], {}
+    # Trials of one scenario with one config run together.
+    batches: dict[tuple[str, Any], list[tuple[str, str, int, int, Drive, Any]]] = {}
     for index, (whole, partial) in zip(learners, train_pairs(scenario, preset, learners), strict=True):
         for case, operator, turn in _trials(trials):
             drive = drive_of(scenario, case, index, turn)
-            settings = settings_of(scenario, operator, index, turn)
             learner = partial if case == "unseen" else whole
-            for arm in arms:
-                trial = _run(scenario, drive, arm, learner, settings)
-                rows.append(
-                    row_of(
-                        trial,
-                        case=case,
-                        preset=preset,
-                        arm=arm,
-                        operator=operator,
-                        learner=index,
-                        strayed=largest_deviation(drive, trial),
-                        **recovery(trial, moment(scenario, drive, case, trial)),
-                    )
+            for arm in ("human",) if preset == "none" else ARMS:
+                of = (case, operator, index, turn, drive, learner)
+                batches.setdefault((arm, drive.variant), []).append(of)
+    rows, drawn = [], {}
+    for (arm, variant), batch in batches.items():
+        driven = run_in(
+            _simulation(scenario, variant, arm == "on"),
+            [learner for *_, learner in batch],
+            [
+                _settings(scenario, arm, drive, settings_of(scenario, operator, index, turn))
+                for _, operator, index, turn, drive, _ in batch
+            ],
+        )
+        for (case, operator, index, turn, drive, _), trial in zip(batch, driven, strict=True):
+            rows.append(
+                row_of(
+                    trial,
+                    case=case,
+                    preset=preset,
+                    arm=arm,
+                    operator=operator,
+                    learner=index,
+                    strayed=largest_deviation(drive, trial),
+                    **recovery(trial, moment(scenario, drive, case, trial)),
                 )
-                if (index, operator, turn) == (0, OPERATORS[0], 0):
-                    drawn[f"{case} {arm}"] = np.round(trial.positions, 3)
+            )
+            if (index, operator, turn) == (0, OPERATORS[0], 0):
+                drawn[f"{case} {arm}"] = np.round(trial.positions, 3)
     return {"rows": rows, "drawn": drawn}
 
 
@@ -129,7 +141,7 @@ def train_pairs(scenario: str | None, preset: str, learners: Sequence[int]) -> l
     """For each index a learner of all routes and one of all but one, trained together."""
     if preset == "none":
         return [(None, None)] * len(learners)
-    whole = [demonstrations_of(scenario, index) for index in learners]
+    whole = demonstrations_of(scenario, learners)
     world = scenario_of(scenario)
     partial = [
         as_demonstrations(
@@ -142,18 +154,17 @@ def train_pairs(scenario: str | None, preset: str, learners: Sequence[int]) -> l
     return list(zip(trained[: len(whole)], trained[len(whole) :], strict=True))
 
 
-def _run(scenario: str | None, drive: Drive, arm: str, learner: Any, settings: Mapping[str, Any]) -> Trial:
-    behaviour = settings["behaviour"]
+def _settings(scenario: str | None, arm: str, drive: Drive, usual: TrialSettings) -> TrialSettings:
+    behaviour = usual.behaviour
     if drive.then is not None:
         behaviour = dataclasses.replace(behaviour, switch_time=switch_time_in(scenario))
-    given = TrialSettings(
+    return TrialSettings(
         driver="human" if arm == "human" else "shared",
-        seed=settings["seed"],
+        seed=usual.seed,
         route=drive.route,
         then=drive.then,
         behaviour=behaviour,
     )
-    return _simulation(scenario, drive.variant, arm == "on").run(given, learner=learner)
 
 
 @functools.cache

@@ -11,10 +11,10 @@ from drake_shared.analysis.statistics import interval
 from drake_shared.experiments.common import (
     ALONE_COST,
     TRIAL_COST,
-    as_demonstrations,
-    demonstrate,
+    Teaching,
+    demonstrated,
     row_of,
-    run,
+    run_all,
     scenario_of,
 )
 from drake_shared.experiments.drawing import COLOURS, draw_scene, legend_below, new_figure
@@ -49,26 +49,28 @@ def run_operator(scenario: str | None, name: str, trials: int) -> dict[str, Any]
     """Runs trials of an operator alone and with a learner, on the same routes and seeds."""
     world, learner = scenario_of(scenario), _learner(scenario)
     drawn_trials = len(changes_of_route(world)) if OPERATORS[name].switches else len(world.routes)
+    runs = [(index, driver) for index in range(trials) for driver in _DRIVERS]
+    settings = [
+        route_settings(scenario, name, index, seed=_SEED + 1_000 + index, driver=driver)
+        for index, driver in runs
+    ]
     rows, drawn = [], {}
-    for index in range(trials):
-        settings = {"seed": _SEED + 1_000 + index, **route_settings(scenario, name, index)}
-        for driver in _DRIVERS:
-            trial = run(scenario, learner, driver=driver, **settings)
-            rows.append(row_of(trial, operator=name, mode=driver))
-            if index < drawn_trials:
-                every = slice(None, None, _DRAWN_STEPS)
-                drawn[f"{driver} {index}"] = {
-                    "path": np.round(trial.positions[every], 3),
-                    "t": trial["t"][every],
-                    "command": np.round(trial.commands("human")[every], 3),
-                }
+    driven = run_all(scenario, [learner] * len(runs), settings)
+    for (index, driver), trial in zip(runs, driven, strict=True):
+        rows.append(row_of(trial, operator=name, mode=driver))
+        if index < drawn_trials:
+            every = slice(None, None, _DRAWN_STEPS)
+            drawn[f"{driver} {index}"] = {
+                "path": np.round(trial.positions[every], 3),
+                "t": trial["t"][every],
+                "command": np.round(trial.commands("human")[every], 3),
+            }
     return {"rows": rows, "drawn": drawn}
 
 
 @functools.cache
 def _learner(scenario: str | None) -> Any:
-    demonstrations = as_demonstrations(scenario, demonstrate(scenario, seed=_SEED))
-    return train_all([demonstrations], [0], preset="default")[0]
+    return train_all(demonstrated(scenario, [Teaching(seed=_SEED)]), [0], preset="default")[0]
 
 
 def report(scenario: str | None, size: Size, results: list[Any]) -> Section:

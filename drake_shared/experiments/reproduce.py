@@ -11,12 +11,14 @@ from importlib import import_module
 from pathlib import Path
 
 from drake_shared.common.errors import InputError
-from drake_shared.experiments.common import ALONE_COST, run, scenario_of
+from drake_shared.experiments.common import scenario_of, simulation_of
 from drake_shared.experiments.report import remove_report, write_report
 from drake_shared.experiments.section import Experiment, PlannedTask, Section, Size
+from drake_shared.simulation.config import config_for
 from drake_shared.simulation.runner import JsonStore, Progress, read_results, run_tasks
 from drake_shared.simulation.runner.executors import executor
 from drake_shared.simulation.runner.identity import identity
+from drake_shared.simulation.trial import TrialSettings
 
 MODULES = {
     "weighting": "fig2_weighting",
@@ -32,6 +34,8 @@ MODULES = {
     "operators_drawn": "operators",
 }
 """Names of the experiments and their modules in this package, in the order of the report."""
+_TRIAL_SECONDS = 0.04
+"""Time of a trial of the human alone in the diagram, on the machine on which the costs were measured."""
 TITLE = "Adaptive shared control with human intention estimation: a reproduction"
 
 
@@ -137,8 +141,9 @@ def _remaining(planned: Iterable[PlannedTask], store: JsonStore) -> float:
 
 def _slowness(scenario: str | None) -> float:
     """How much slower this machine is at present than the one on which the costs were measured."""
-    route = scenario_of(scenario).routes[0].name
-    run(scenario, None, driver="human", route=route)
+    simulation = simulation_of(scenario, config_for(None))
+    settings = TrialSettings(route=scenario_of(scenario).routes[0].name)
+    simulation.run(settings)
     start = time.perf_counter()
-    run(scenario, None, driver="human", route=route)
-    return max((time.perf_counter() - start) / ALONE_COST, 0.2)
+    simulation.run(settings)
+    return max((time.perf_counter() - start) / _TRIAL_SECONDS, 0.2)

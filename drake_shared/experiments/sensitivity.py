@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from drake_shared.analysis.statistics import interval
-from drake_shared.experiments.common import ALONE_COST, TRIAL_COST, row_of, run
+from drake_shared.experiments.common import ALONE_COST, TRIAL_COST
 from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
 from drake_shared.experiments.measures import (
     HUMAN_EFFORT,
@@ -17,7 +17,7 @@ from drake_shared.experiments.measures import (
     estimate,
     means_table,
 )
-from drake_shared.experiments.paired_trials import demonstrations_of, groups, settings_of
+from drake_shared.experiments.paired_trials import Condition, demonstrations_of, groups, run_conditions
 from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size, Table
 from drake_shared.experiments.text import number, paragraphs
 from drake_shared.experiments.training import PRESETS, train_all, training_cost
@@ -110,29 +110,27 @@ def run_variants(
         factors: Multiples of the calibrated K.
         trials: Number of trials with each operator and factor.
     """
-    kinds = [(count, index) for count in counts for index in learners]
-    sets = [demonstrations_of(scenario, index, count=count) for count, index in kinds]
-    trained = train_all(sets, [index for _, index in kinds], preset=preset)
-    return [
-        row_of(
-            run(
-                scenario,
-                learner,
-                confidence_gain=factor * learner.confidence_gain,
-                **settings_of(scenario, operator, index, trial),
-            ),
-            preset=preset,
-            operator=operator,
-            learner=index,
-            factor=factor,
-            demonstrations=count,
-            confidence_gain=factor * learner.confidence_gain,
-        )
-        for (count, index), learner in zip(kinds, trained, strict=True)
-        for factor in (factors if count == min(counts) else (1.0,))
-        for operator in OPERATORS
-        for trial in range(trials)
-    ]
+    sets = [one for count in counts for one in demonstrations_of(scenario, learners, count=count)]
+    trained = train_all(sets, list(learners) * len(counts), preset=preset)
+    rows = []
+    for count in counts:
+        own = {index: trained.pop(0) for index in learners}
+        conditions = [
+            Condition(
+                columns={
+                    "preset": preset,
+                    "operator": operator,
+                    "factor": factor,
+                    "demonstrations": count,
+                },
+                operator=operator,
+                gain_factor=factor,
+            )
+            for factor in (factors if count == min(counts) else (1.0,))
+            for operator in OPERATORS
+        ]
+        rows += run_conditions(scenario, own, conditions, trials)
+    return rows
 
 
 def report(scenario: str | None, size: Size, results: list[Any]) -> Section:

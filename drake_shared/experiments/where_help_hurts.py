@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from drake_shared.analysis.statistics import interval
-from drake_shared.experiments.common import ALONE_COST, TRIAL_COST, row_of, run
+from drake_shared.experiments.common import ALONE_COST, TRIAL_COST
 from drake_shared.experiments.drawing import new_figure
 from drake_shared.experiments.measures import HUMAN_EFFORT, INTENT_SUCCESS, by_learner, select
-from drake_shared.experiments.paired_trials import demonstrations_of, groups, settings_of
+from drake_shared.experiments.paired_trials import Condition, demonstrations_of, groups, run_conditions
 from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size
 from drake_shared.experiments.text import number, paragraphs
 from drake_shared.experiments.training import PRESETS, train_all, training_cost
@@ -62,23 +62,27 @@ def run_maps(
         trials: Number of trials in each cell, alone and assisted, with each learner.
         grid: The values of "skills", and of the fields of `Behaviour` that are varied with them, by name.
     """
-    sets = [demonstrations_of(scenario, index) for index in learners]
+    sets = demonstrations_of(scenario, learners)
     arms: dict[str, list[Any]] = {"alone": [None] * len(learners)}
     arms |= {preset: train_all(sets, learners, preset=preset) for preset in PRESETS}
-    rows = []
-    for name in RANGES:
-        for skill in grid["skills"]:
-            for value in grid[name]:
-                behaviour = Behaviour(skill=skill, **{name: value})
-                columns = {"map": name, "skill": skill, "value": value}
-                for arm, taking_part in arms.items():
-                    for index, learner in zip(learners, taking_part, strict=True):
-                        for trial in range(trials):
-                            settings = settings_of(scenario, "primary", index, trial)
-                            settings |= {"behaviour": behaviour}
-                            driven = run(scenario, learner, **settings)
-                            rows.append(row_of(driven, **columns, arm=arm, learner=index))
-    return rows
+    return [
+        row
+        for arm, taking_part in arms.items()
+        for row in run_conditions(
+            scenario,
+            dict(zip(learners, taking_part, strict=True)),
+            [
+                Condition(
+                    columns={"map": name, "skill": skill, "value": value, "arm": arm},
+                    behaviour=Behaviour(skill=skill, **{name: value}),
+                )
+                for name in RANGES
+                for skill in grid["skills"]
+                for value in grid[name]
+            ],
+            trials,
+        )
+    ]
 
 
 def report(scenario: str | None, size: Size, results: list[Any]) -> Section:

@@ -35,10 +35,10 @@ def test_each_set_has_the_same_known_and_as_many_new_demonstrations(results):
 def test_a_set_that_cannot_be_driven_is_reported_as_missing(monkeypatch, run_plan):
     usual = second_sets.demonstrate
 
-    def demonstrate(scenario, *, learner=None, **options):
-        if learner is not None:
-            raise RunError("the simulated operator fails")
-        return usual(scenario, **options)
+    def demonstrate(scenario, teaching):
+        if any(one.learner for one in teaching):
+            return [RunError("the simulated operator fails")] * len(teaching)
+        return usual(scenario, teaching)
 
     monkeypatch.setattr(second_sets, "demonstrate", demonstrate)
     monkeypatch.setattr(second_sets, "train_all", lambda sets, *_, **__: ["a learner"] * len(sets))

@@ -127,11 +127,12 @@ def test_setups_and_arms_of_a_repeat_differ_only_in_what_is_compared(trainings):
 def test_k_is_that_of_the_first_learner_or_its_own(trainings, monkeypatch):
     gains = []
 
-    def run(scenario, learner, *, confidence_gain, **settings):
-        gains.append((learner.confidence_gain, confidence_gain))
-        return common.run(scenario, learner, confidence_gain=confidence_gain, **settings)
+    def run_all(scenario, learners, settings):
+        for learner, given in zip(learners, settings, strict=True):
+            gains.append((learner.confidence_gain, given.confidence_gain))
+        return common.run_all(scenario, learners, settings)
 
-    monkeypatch.setattr(second_learners, "run", run)
+    monkeypatch.setattr(second_learners, "run_all", run_all)
     arms = ["weighted, K kept", "weighted, K anew"]
     arguments = {"operators": ["primary"], "repeats": [1], "arms": arms, "setups": SETUPS[:2], "trials": 1}
     rows = second_learners.run_repeats(**HERE, **arguments)
@@ -147,10 +148,14 @@ def test_repeats_in_which_an_operator_fails_are_reported_as_missing(trainings, m
     hopeless = OPERATORS["unskilled"].behaviour
     lost = second_learners.seed_of(4, 0)
 
-    def demonstrate(scenario, *, seed, behaviour=None, **options):
-        if seed == lost or behaviour == hopeless:
-            raise RunError("the simulated operator fails")
-        return common.demonstrate(scenario, seed=seed, behaviour=behaviour, **options)
+    def demonstrate(scenario, teaching):
+        driven = common.demonstrate(scenario, teaching)
+        return [
+            RunError("the simulated operator fails")
+            if one.seed == lost or one.behaviour == hopeless
+            else found
+            for one, found in zip(teaching, driven, strict=True)
+        ]
 
     monkeypatch.setattr(second_learners, "demonstrate", demonstrate)
     rows = second_learners.run_repeats(

@@ -80,10 +80,12 @@ def test_the_same_task_gives_the_same_rows(brief, results):
 
 
 def test_a_repeat_in_which_the_operator_fails_is_stalled_and_counts(brief, monkeypatch, tiny):
-    def demonstrate(*arguments, learner=None, **others):
-        if learner is not None:
-            raise RunError("stuck")
-        return common.demonstrate(*arguments, **others)
+    def demonstrate(scenario, teaching):
+        driven = common.demonstrate(scenario, teaching)
+        return [
+            RunError("stuck") if one.learner is not None else found
+            for one, found in zip(teaching, driven, strict=True)
+        ]
 
     monkeypatch.setattr(generations, "demonstrate", demonstrate)
     rows = generations.run_repeats(None, "default", [0], 1, 1)

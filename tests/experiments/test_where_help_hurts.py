@@ -72,7 +72,7 @@ def test_a_quick_run_has_a_coarser_grid():
 
 
 def test_a_smaller_set_of_demonstrations_is_the_start_of_a_larger_one():
-    few, more = demonstrations_of(None, 3, count=3), demonstrations_of(None, 3, count=4)
+    ((few,), (more,)) = (demonstrations_of(None, [3], count=count) for count in (3, 4))
     assert all(
         (one.positions == other.positions).all() for one, other in zip(list(few), list(more)[:3], strict=True)
     )
@@ -80,10 +80,10 @@ def test_a_smaller_set_of_demonstrations_is_the_start_of_a_larger_one():
 
 def test_seeds_of_trials_are_unique():
     seeds = [
-        settings_of(None, "primary", learner, trial)["seed"] for learner in range(20) for trial in range(10)
+        settings_of(None, "primary", learner, trial).seed for learner in range(20) for trial in range(10)
     ]
     assert len(set(seeds)) == len(seeds)
-    assert "then" in settings_of(None, "switching", 0, 0)
+    assert settings_of(None, "switching", 0, 0).then is not None
 
 
 def test_means_by_learner():
