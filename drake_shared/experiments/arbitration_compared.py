@@ -97,7 +97,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
             _seconds(kind, len(learners), size.trials * len(arms) * len(OPERATORS)),
         )
         for kind, arms in ARMS_OF_LEARNERS.items()
-        for learners in groups(size.learners, _GROUP)
+        for learners in groups(size.of(kind).learners, _GROUP)
     ]
 
 
@@ -193,7 +193,7 @@ def claims(rows: Rows) -> list[Claim]:
         at_least(
             f"The unskilled operator's intent success is at least {number(_GAIN)} points higher in shared "
             f"control than alone, with the whole interval above 0 (preset {kind})",
-            100.0 * (_main_arm(rows, "intent_success", kind, "unskilled") - alone),
+            100.0 * _gain(_main_arm(rows, "intent_success", kind, "unskilled"), alone),
             least=_GAIN,
             unit="points",
             level=0.975,
@@ -221,6 +221,12 @@ def _main_arm(rows: Rows, measure: str, kind: str, operator: str) -> NDArray[np.
     """A measure by learner, in the arm for which learners of this kind are meant."""
     arm = "blend" if kind == "paper" else "guarded"
     return by_learner(rows, measure, kind=kind, operator=operator, arm=arm)
+
+
+def _gain(shared: NDArray[np.float64], alone: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Differences over the learners that both arms have, which are the first ones."""
+    count = min(len(shared), len(alone))
+    return shared[:count] - alone[:count]
 
 
 def _lines() -> list[tuple[str, str]]:

@@ -26,12 +26,18 @@ from drake_shared.experiments.measures import select
 from drake_shared.experiments.paired_trials import groups
 from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size, Table
 from drake_shared.experiments.text import paragraphs, with_interval
-from drake_shared.experiments.training import PRESETS, ignores_observations, train_all, training_cost
+from drake_shared.experiments.training import (
+    PRESETS,
+    ignores_observations,
+    stopped_early,
+    train_all,
+    training_cost,
+)
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.runner import Task
 
-_SEED = 910_000
+SEED = 910_000
 """Of the demonstrations, which are the same for all learners; training seeds count from 0."""
 _GROUP = 5
 """Number of training seeds in a task, with a plain and a weighted learner each."""
@@ -94,14 +100,14 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
             training_cost(preset, 2 * len(seeds)),
         )
         for preset in PRESETS
-        for seeds in groups(size.learners, _GROUP)
+        for seeds in groups(size.of(preset).learners, _GROUP)
     ]
 
 
 def run_seeds(scenario: str | None, preset: str, seeds: list[int]) -> dict[str, Any]:
     """Trains a plain and a weighted learner from each seed, and evaluates their predictions."""
     world = scenario_of(scenario)
-    (demonstrations,) = demonstrated(scenario, [Teaching(seed=_SEED)])
+    (demonstrations,) = demonstrated(scenario, [Teaching(seed=SEED)])
     weighted = [False, True] * len(seeds)
     learners = train_all(
         [demonstrations] * len(weighted), np.repeat(seeds, 2).tolist(), preset=preset, weighted=weighted
@@ -156,6 +162,7 @@ def _evaluate(
                     "missed": float(np.linalg.norm(mean[step] - point)),
                     "plain_to_weighted": distance(means["plain"], means["weighted"]),
                     "ignores": ignores_observations(pair[name]),
+                    "stopped_early": stopped_early(pair[name]),
                 }
             )
     return rows, predicted

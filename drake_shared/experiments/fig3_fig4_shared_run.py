@@ -48,7 +48,13 @@ from drake_shared.experiments.measures import select
 from drake_shared.experiments.paired_trials import groups
 from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size, Table
 from drake_shared.experiments.text import paragraphs, with_interval
-from drake_shared.experiments.training import PRESETS, ignores_observations, train_all, training_cost
+from drake_shared.experiments.training import (
+    PRESETS,
+    ignores_observations,
+    stopped_early,
+    train_all,
+    training_cost,
+)
 from drake_shared.learners import Learner
 from drake_shared.simulation.config import config_for
 from drake_shared.simulation.runner import Task
@@ -72,7 +78,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
             + (3.0 if 0 in learners else 0.0),
         )
         for preset in PRESETS
-        for learners in groups(size.learners, _GROUP[preset])
+        for learners in groups(size.of(preset).learners, _GROUP[preset])
     ]
 
 
@@ -111,6 +117,7 @@ def run_learners(scenario: str | None, preset: str, learners: list[int], trials:
                 "area": ambiguity_ranking(parts),
                 "clock_area": ambiguity_ranking(clocks),
                 "ignores": ignores_observations(learner),
+                "stopped_early": stopped_early(learner),
             }
         )
     return {"rows": rows, "by_learner": by_learner, "shown": shown}
@@ -180,6 +187,7 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
             size=size,
             together=TOGETHER,
             separate=SEPARATE,
+            learners={preset: len(select(learners, preset=preset)) for preset in PRESETS},
             ignoring={
                 preset: sum(row["ignores"] for row in select(learners, preset=preset)) for preset in PRESETS
             },

@@ -48,7 +48,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
             1.2 * len(repeats) + training_cost(preset, len(repeats)),
         )
         for preset in PRESETS
-        for repeats in groups(size.learners, _GROUP[preset])
+        for repeats in groups(size.of(preset).learners, _GROUP[preset])
     ]
 
 
@@ -115,7 +115,11 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
     return Section(
         title="The second training sets (Fig. 5)",
         text=paragraphs(
-            "second_sets", size=size, routes=route_count(scenario), missing=missing, names=_NAMES
+            "second_sets",
+            repeats={name: len({row["repeat"] for row in select(rows, set=name)}) for name in _NAMES},
+            routes=route_count(scenario),
+            missing=missing,
+            names=_NAMES,
         ),
         pictures=[
             Picture.of(

@@ -50,7 +50,7 @@ from drake_shared.experiments.fig6_figures import (
 from drake_shared.experiments.paired_trials import groups, route_settings
 from drake_shared.experiments.section import Experiment, PlannedTask, Rows, Section, Size
 from drake_shared.experiments.text import number, paragraphs
-from drake_shared.experiments.training import PRESETS, train_all, training_cost
+from drake_shared.experiments.training import PRESETS, stopped_early, train_all, training_cost
 from drake_shared.operators.named import OPERATORS
 from drake_shared.simulation.runner import Task
 
@@ -82,7 +82,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
             _seconds(preset, len(operators), len(repeats), conditions_of(setups, arms), len(setups)),
         )
         for preset in PRESETS
-        for operators, arms, setups, grouped in _plans(size)
+        for operators, arms, setups, grouped in _plans(size.of(preset))
         for repeats in grouped
     ]
 
@@ -181,9 +181,10 @@ def run_repeats(
         for operator, repeat, _, arm, index in runs
     ]
     tried = run_all(scenario, taking_part, settings)
-    for (operator, repeat, setup, arm, _), trial in zip(runs, tried, strict=True):
+    for (operator, repeat, setup, arm, _), learner, trial in zip(runs, taking_part, tried, strict=True):
         cell = {"preset": preset, "operator": operator, "repeat": repeat, "setup": setup, "arm": arm}
-        rows.append(row_of(trial, **cell, unmatched_drives=unmatched[operator, repeat]))
+        cell |= {"unmatched_drives": unmatched[operator, repeat], "stopped_early": stopped_early(learner)}
+        rows.append(row_of(trial, **cell))
     return rows
 
 
@@ -289,6 +290,7 @@ def _text(
         trials=TRIALS,
         primary_arm=PRIMARY_ARM,
         repeats={cell.preset: len(repeats) for cell, repeats in means.items() if cell.is_primary},
+        others={preset: size.of(preset).other_repeats for preset in PRESETS if size.of(preset).other_repeats},
         smallest=[f"{title_of(name)} {with_unit(name, one.smallest)}" for name, one in CRITERIA.items()],
         outcomes={
             preset: _outcome([one for one in comparisons if one.cell.preset == preset])

@@ -46,7 +46,7 @@ from drake_shared.experiments.measures import (
 from drake_shared.experiments.paired_trials import groups, route_settings
 from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size, Table
 from drake_shared.experiments.text import paragraphs, with_interval
-from drake_shared.experiments.training import PRESETS, train_all, training_cost
+from drake_shared.experiments.training import PRESETS, stopped_early, train_all, training_cost
 from drake_shared.operators.named import OPERATORS
 from drake_shared.simulation.runner import Task
 from drake_shared.simulation.trial import Trial
@@ -215,6 +215,7 @@ def _summary(
         "demonstrations": len(data),
         "confidence_gain": learner.confidence_gain,
         "stalled": False,
+        "stopped_early": stopped_early(learner),
     }
 
 

@@ -43,7 +43,7 @@ from drake_shared.experiments.misprediction_figures import paths, recoveries, su
 from drake_shared.experiments.paired_trials import demonstrations_of, groups, settings_of
 from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size
 from drake_shared.experiments.text import number, paragraphs
-from drake_shared.experiments.training import PRESETS, train_all, training_cost
+from drake_shared.experiments.training import PRESETS, stopped_early, train_all, training_cost
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.runner import Task
 from drake_shared.simulation.trial import Simulation, TrialSettings
@@ -56,7 +56,9 @@ _TRIAL_SECONDS, _ALONE_SECONDS = 0.08, 0.045
 def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
     """One task for the human alone, and one for each preset and ten learners of each kind."""
     tasks = [("none", list(range(size.learners)))]
-    tasks += [(preset, learners) for preset in PRESETS for learners in groups(size.learners, _GROUP)]
+    tasks += [
+        (preset, learners) for preset in PRESETS for learners in groups(size.of(preset).learners, _GROUP)
+    ]
     return [
         PlannedTask(
             Task.of(run_cases, scenario=scenario, preset=preset, learners=learners, trials=size.trials),
@@ -109,7 +111,7 @@ def run_cases(scenario: str | None, preset: str, learners: list[int], trials: in
                 for _, operator, index, turn, drive, _ in batch
             ],
         )
-        for (case, operator, index, turn, drive, _), trial in zip(batch, driven, strict=True):
+        for (case, operator, index, turn, drive, learner), trial in zip(batch, driven, strict=True):
             rows.append(
                 row_of(
                     trial,
@@ -118,6 +120,7 @@ def run_cases(scenario: str | None, preset: str, learners: list[int], trials: in
                     arm=arm,
                     operator=operator,
                     learner=index,
+                    stopped_early=stopped_early(learner),
                     strayed=largest_deviation(drive, trial),
                     **recovery(trial, moment(scenario, drive, case, trial)),
                 )
@@ -185,6 +188,7 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
         text=paragraphs(
             "mispredictions",
             size=size,
+            learners={preset: size.of(preset).learners for preset in PRESETS},
             operators=OPERATORS,
             switch_time=switch_time_in(scenario),
             radius=RADIUS,

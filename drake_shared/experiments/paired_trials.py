@@ -12,6 +12,7 @@ from typing import Any
 
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.experiments.common import Teaching, demonstrated, row_of, run_all, scenario_of
+from drake_shared.experiments.training import stopped_early
 from drake_shared.learners import Learner
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.named import changes_of_route, named_operator
@@ -90,9 +91,10 @@ def run_conditions(
             [condition.settings(scenario, *of) for condition, of in runs],
             config=config,
         )
-        for (condition, (index, _, _)), trial in zip(runs, driven, strict=True):
+        for (condition, (index, learner, _)), trial in zip(runs, driven, strict=True):
             gain = trial.metadata["confidence_gain"]
             columns = {**condition.columns, "learner": index, "confidence_gain": gain}
+            columns["stopped_early"] = stopped_early(learner)
             rows.append(row_of(trial, **columns, **measure(trial)))
     return rows
 

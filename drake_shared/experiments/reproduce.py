@@ -22,6 +22,8 @@ from drake_shared.simulation.trial import TrialSettings
 
 MODULES = {
     "weighting": "fig2_weighting",
+    "weighting_width": "fig2_width",
+    "training_curve": "training_curve",
     "shared_run": "fig3_fig4_shared_run",
     "second_sets": "fig5_sets",
     "second_learners": "fig6_learners",
@@ -109,7 +111,9 @@ def reproduce(
     results = run_tasks(ordered, store, workers=workers, cluster=cluster, progress=progress)
     values = dict(zip((task.key for task in ordered), results, strict=True))
     sections = [
-        experiment.report(scenario, size, [values[one.task.key] for one in plans[experiment.name]])
+        experiment.report(
+            scenario, size, [values[one.task.key] for one in plans[experiment.name]]
+        ).with_early_stops()
         for experiment in experiments
     ]
     about = {

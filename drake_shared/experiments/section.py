@@ -29,6 +29,7 @@ class Size:
         learners: Number of learners over which other experiments average, each with demonstrations and a seed
             of its own.
         trials: Trials with each learner.
+        paper: Size with preset paper, whose learners take ten times as long to train; None: the same.
     """
 
     name: str
@@ -37,9 +38,22 @@ class Size:
     all_arms: bool
     learners: int
     trials: int
+    paper: Size | None = None
+
+    def of(self, preset: str) -> Size:
+        """The size with a preset."""
+        return self.paper or self if preset == "paper" else self
 
 
-FULL = Size(name="full", repeats=100, other_repeats=20, all_arms=True, learners=20, trials=10)
+FULL = Size(
+    name="full",
+    repeats=100,
+    other_repeats=20,
+    all_arms=True,
+    learners=20,
+    trials=10,
+    paper=Size(name="full", repeats=20, other_repeats=10, all_arms=True, learners=10, trials=10),
+)
 QUICK = Size(name="quick", repeats=10, other_repeats=0, all_arms=False, learners=2, trials=3)
 
 
@@ -101,6 +115,21 @@ class Section:
     claims: Sequence[Claim] = ()
     data: Mapping[str, Rows] = dataclasses.field(default_factory=dict)
     replays: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    def with_early_stops(self) -> Section:
+        """The section with a paragraph about learners that stopped before their loss threshold, if any did.
+
+        Such a learner has a true value in the column ``stopped_early`` of its rows.
+        """
+        notes = []
+        for name, rows in self.data.items():
+            stopped = [row["stopped_early"] for row in rows if "stopped_early" in row]
+            if any(stopped):
+                notes.append(
+                    f"{sum(stopped)} of the {len(stopped)} rows of {name} are of learners whose training "
+                    "ended before the loss threshold of their preset was reached"
+                )
+        return dataclasses.replace(self, text=[*self.text, f"{'; '.join(notes)}."]) if notes else self
 
 
 @dataclasses.dataclass(frozen=True)

@@ -30,8 +30,8 @@ _MEASURES = {
     "intent_success": (INTENT_SUCCESS, "points", -1.0),
     "human_effort": (HUMAN_EFFORT, "rad", 1.0),
 }
-# Three trials take each route of the shipped scenarios once.
-_LEAST_LEARNERS, _GROUP, _TRIALS = 2, 4, 3
+# Twelve trials take each route of the shipped scenarios four times; with ten learners a cell has 120.
+_LEARNERS, _GROUP, _TRIALS = 10, 5, 12
 
 
 def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
@@ -39,7 +39,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
     step = 2 if size.name == "quick" else 1
     grid = {"skills": SKILLS[::step]}
     grid |= {name: values[::step] for name, values in RANGES.items()}
-    trials = min(size.trials, _TRIALS)
+    trials = _TRIALS if size.all_arms else min(size.trials, _TRIALS)
     cells = len(grid["skills"]) * sum(len(grid[name]) for name in RANGES)
     seconds = (ALONE_COST + len(PRESETS) * TRIAL_COST) * cells * trials
     return [
@@ -47,7 +47,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
             Task.of(run_maps, scenario=scenario, learners=learners, trials=trials, grid=grid),
             sum(training_cost(preset, len(learners)) for preset in PRESETS) + len(learners) * seconds,
         )
-        for learners in groups(max(_LEAST_LEARNERS, 2 * size.learners // 5), _GROUP)
+        for learners in groups(min(size.learners, _LEARNERS), _GROUP)
     ]
 
 

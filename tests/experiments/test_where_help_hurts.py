@@ -68,7 +68,7 @@ def test_a_quick_run_has_a_coarser_grid():
     full, quick = ([one.task for one in where_help_hurts.plan(None, size)] for size in (FULL, QUICK))
     assert [len(values) for values in full[0].arguments["grid"].values()] == [5, 5, 5]
     assert [len(values) for values in quick[0].arguments["grid"].values()] == [3, 3, 3]
-    assert [len(task.arguments["learners"]) for task in (*full, *quick)] == [4, 4, 2]
+    assert [len(task.arguments["learners"]) for task in (*full, *quick)] == [5, 5, 2]
 
 
 def test_a_smaller_set_of_demonstrations_is_the_start_of_a_larger_one():
