@@ -38,6 +38,8 @@ class ProgressClock:
         self._horizon = horizon
         self.tolerance = tolerance
         """As given, in [m]."""
+        # The time reached is one of the grid, but at the start of a trial it may be any.
+        self._windows = {time: self.window(time) for time in self._times}
 
     def window(self, reached: float) -> tuple[int, int]:
         """The points searched from the time ``reached``, in [s]: first index, and last one plus 1."""
@@ -53,8 +55,10 @@ class ProgressClock:
         """
         # Points behind count too: otherwise a clock ahead of the robot takes the point it has reached for the
         # nearest, gains the tolerance at every step, and runs away from slow demonstrations.
-        first, last = self.window(reached)
-        distances = lengths(self.points[first:last] - as_point(position)).min(axis=1).tolist()
+        first, last = self._windows.get(reached) or self.window(reached)
+        offsets = self.points[first:last] - as_point(position)
+        # The method min would call it from Python.
+        distances = np.minimum.reduce(lengths(offsets), axis=1).tolist()
         limit = min(distances) + self.tolerance
         for index in reversed(range(len(distances))):
             if distances[index] <= limit:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,8 @@ class OodVariance:
         self._steps = np.diff(self._points, axis=0)
         self._reach = reach
         self._gain = gain
+        # A clock of progress shows times of the grid alone.
+        self._on_grid = {time: self._points_at(time) for time in grid.tolist()}
 
     def __call__(self, times: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
         """The variance to add, in [m^2], for observations at ``times`` (n,) and ``positions`` (n, D)."""
@@ -69,16 +72,21 @@ class OodVariance:
 
     def _distance(self, time: float, position: list[float]) -> float:
         """Distance of a position from the nearest demonstration at ``time``, in [m]."""
-        step = min(max(time * self._rate, 0.0), self._last + 1.0)
-        if math.isnan(step):
-            return math.nan
-        index = min(int(step), self._last)
-        offsets = (step - index) * self._steps[index]
-        offsets += self._points[index]
-        offsets -= as_point(position)
+        points = self._on_grid.get(time)
+        if points is None:
+            if math.isnan(time):
+                return math.nan
+            points = self._points_at(time)
         # Demonstrations are few: a list of them has its minimum sooner than an array.
-        distances: list[float] = lengths(offsets).tolist()
+        distances: list[float] = lengths(points - as_point(position)).tolist()
         return min(distances)
+
+    def _points_at(self, time: float) -> NDArray[Any]:
+        """Where the demonstrations are at ``time``: shape (m,), of `as_points`."""
+        step = min(max(time * self._rate, 0.0), self._last + 1.0)
+        index = min(int(step), self._last)
+        points: NDArray[Any] = (step - index) * self._steps[index] + self._points[index]
+        return points
 
 
 class OodVarianceTable:

@@ -45,7 +45,8 @@ def ramps(
     left_rate, right_rate = math.copysign(limit, left_goal - left), math.copysign(limit, right_goal - right)
     parts = []
     begin = 0.0
-    for end in sorted((min(left_time, duration), min(right_time, duration), duration)):
+    first, second = min(left_time, duration), min(right_time, duration)
+    for end in (first, second, duration) if first < second else (second, first, duration):
         if end > begin:
             rates = (left_rate if begin < left_time else 0.0, right_rate if begin < right_time else 0.0)
             parts.append((end - begin, (left, right), rates))

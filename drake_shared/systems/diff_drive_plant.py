@@ -89,6 +89,7 @@ class DiffDrivePlant(LeafSystem):
         check_robot(robot)
         start = start or Start()
         self._robot = robot
+        self._fastest = robot.max_wheel_speed
         self._period = period
         self._geometry_ids = None if geometry_ids is None else frozenset(geometry_ids)
         self._source: SourceId | None = None
@@ -234,5 +235,4 @@ class DiffDrivePlant(LeafSystem):
         """The part of a command that a wheel can follow, in [rad/s]."""
         if not math.isfinite(command):
             return 0.0
-        fastest = self._robot.max_wheel_speed
-        return min(max(command, -fastest), fastest)
+        return min(max(command, -self._fastest), self._fastest)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from itertools import accumulate
 from typing import cast
@@ -50,6 +51,12 @@ def aggregate(codes: Floats, aggregation: str) -> Floats:
     return cast(Floats, code)
 
 
+@functools.lru_cache(maxsize=64)
+def _starts(*sizes: int) -> NDArray[np.int64]:
+    """The first row of each of several groups that follow each other."""
+    return np.array([0, *accumulate(sizes[:-1])])
+
+
 def aggregate_each(groups: Sequence[Floats], aggregation: str) -> Floats:
     """`aggregate` of each of k groups, shape (k, C)."""
     if aggregation == "mean":
@@ -59,7 +66,7 @@ def aggregate_each(groups: Sequence[Floats], aggregation: str) -> Floats:
     precision = softplus(codes[:, half:])
     weighted = precision * codes[:, :half]
     if len(codes) > len(groups):
-        starts = np.array([0, *accumulate(len(group) for group in groups[:-1])])
+        starts = _starts(*map(len, groups))
         precision, weighted = np.add.reduceat(precision, starts), np.add.reduceat(weighted, starts)
     precision += 1.0
     result = np.empty((len(groups), 2 * half), np.float32)

@@ -123,6 +123,7 @@ class _Predictor:
         self._reference = learner.reference.tolist()
         self._harmonics = range(1, learner.harmonics + 1)
         self._steps_per_second = (len(learner.grid) - 1) / self._duration
+        self._observed_on_grid = {time: self._observed_at(time) for time in learner.grid.tolist()}
         code_size = learner.encoder[-1][0].shape[1]
         first, self._time_bias = learner.decoder[0]
         self._code_weights = np.ascontiguousarray(first[:code_size])
@@ -162,22 +163,27 @@ class _Predictor:
 
     def _observation(self, time: float, position: list[float]) -> list[float]:
         """The encoder's input: time as `time_features` has it, and the normalized position."""
-        duration, scale = self._duration, self._learner.scale
+        # A clock of progress shows times of the grid alone.
+        known = self._observed_on_grid.get(time)
+        features, before, beyond = self._observed_at(time) if known is None else known
+        scale = self._learner.scale
+        offsets = [(x - x0 - dx) / scale for x, x0, dx in zip(position, before, beyond, strict=True)]
+        return features + offsets
+
+    def _observed_at(self, time: float) -> tuple[list[float], list[float], list[float]]:
+        """Features of a time, the reference's position at a step of the grid, and how far it moves on."""
+        duration = self._duration
         time = math.nan if math.isnan(time) else min(max(time, 0.0), duration)
         angle = math.pi * time / duration
         step = time * self._steps_per_second
         index = 0 if math.isnan(step) else min(int(step), len(self._reference) - 2)
-        share = step - index
         before, after = self._reference[index], self._reference[index + 1]
-        return [
+        features = [
             time / duration,
             *[math.sin(k * angle) for k in self._harmonics],
             *[math.cos(k * angle) for k in self._harmonics],
-            *[
-                (x - x0 - share * (x1 - x0)) / scale
-                for x, x0, x1 in zip(position, before, after, strict=True)
-            ],
         ]
+        return features, before, [(step - index) * (x1 - x0) for x0, x1 in zip(before, after, strict=True)]
 
     def _encode(self, inputs: Floats) -> Floats:
         """The codes (n, C) of observations (n, F + D)."""
