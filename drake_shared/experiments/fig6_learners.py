@@ -62,7 +62,7 @@ _BASE, _RUNS, _MORE, _TRIALS = 0, 10, 30, 50
 # With fewer repeats a 95% bootstrap interval covers less than about 93%.
 _FEW = 20
 # Repeats in a task, and operators that share its first learners: what is trained together.
-_PRIMARY_GROUP, _OTHER_GROUP, _OPERATORS = 10, 5, 5
+_PRIMARY_GROUP, _OTHER_GROUP, _OPERATORS = 5, 5, 5
 
 
 def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
@@ -291,6 +291,7 @@ def _text(
         primary_arm=PRIMARY_ARM,
         repeats={cell.preset: len(repeats) for cell, repeats in means.items() if cell.is_primary},
         others={preset: size.of(preset).other_repeats for preset in PRESETS if size.of(preset).other_repeats},
+        all_arms=[preset for preset in PRESETS if size.of(preset).all_arms],
         smallest=[f"{title_of(name)} {with_unit(name, one.smallest)}" for name, one in CRITERIA.items()],
         outcomes={
             preset: _outcome([one for one in comparisons if one.cell.preset == preset])

@@ -68,7 +68,7 @@ _LOOP_MEASURES = (
 _MEASURES = (*_TRIAL_MEASURES, *_LOOP_MEASURES)
 # Smallest effects of interest: one trial in twenty, 4% of the usual value, and 2% of the scale.
 _SMALLEST = {INTENT_SUCCESS: 5.0, DISAGREEMENT: 20.0, _CALIBRATION_ERROR: 0.02}
-_GROUP = {"paper": 10, "default": 5}
+_GROUP = 5
 _TRIAL_SECONDS, _DRIVE_SECONDS = 0.09, 0.1
 _EVERY = 4
 _FIRST_SEED, _STRIDE, _RUNS, _TRIALS = 40_000_000, 1_000, 100, 900
@@ -90,7 +90,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
             _seconds(scenario, preset, len(repeats), generations, size.trials),
         )
         for preset in PRESETS
-        for repeats in groups(max(2, size.learners // 2), _GROUP[preset])
+        for repeats in groups(max(2, size.learners // 2), _GROUP)
     ]
 
 

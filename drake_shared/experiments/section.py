@@ -52,7 +52,7 @@ FULL = Size(
     all_arms=True,
     learners=20,
     trials=10,
-    paper=Size(name="full", repeats=20, other_repeats=10, all_arms=True, learners=10, trials=10),
+    paper=Size(name="full", repeats=20, other_repeats=0, all_arms=False, learners=10, trials=10),
 )
 QUICK = Size(name="quick", repeats=10, other_repeats=0, all_arms=False, learners=2, trials=3)
 

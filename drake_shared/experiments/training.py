@@ -24,7 +24,7 @@ STUDIED = {
     "paper": PARAMETERS["paper"],
 }
 # A larger group of learners does not fit into the cache of a processor.
-_TRAINED_TOGETHER = {"paper": 10, "default": 30}
+_TRAINED_TOGETHER = {"paper": 5, "default": 30}
 
 
 def studied(preset: str) -> TrainingParameters:

@@ -79,13 +79,13 @@ def test_every_repeat_is_run_once(size):
         assert given["trials"] == 10
         for operator in given["operators"]:
             found.update((given["preset"], operator, repeat) for repeat in given["repeats"])
-            primary = operator == "primary" and size.all_arms
+            primary = operator == "primary" and size.of(given["preset"]).all_arms
             assert given["setups"] == (list(SETUPS) if primary else ["shared", "human"])
             assert given["arms"] == (list(ARMS) if primary else [PRIMARY_ARM])
     assert set(found.values()) == {1}
     counts = Counter((preset, operator) for preset, operator, _ in found)
-    others = {(preset, name): size.other_repeats for preset in PRESETS for name in OPERATORS}
-    expected = others | {(preset, "primary"): size.repeats for preset in PRESETS}
+    others = {(preset, name): size.of(preset).other_repeats for preset in PRESETS for name in OPERATORS}
+    expected = others | {(preset, "primary"): size.of(preset).repeats for preset in PRESETS}
     assert counts == Counter({key: count for key, count in expected.items() if count})
 
 
@@ -227,7 +227,7 @@ def test_verdicts_follow_from_the_rows(shift, verdict):
 
 
 def test_a_full_report_contains_all_operators_arms_and_the_control():
-    size = dataclasses.replace(FULL, repeats=6, other_repeats=4)
+    size = dataclasses.replace(FULL, repeats=6, other_repeats=4, paper=None)
     section = second_learners.report(None, size, [made_up(size, disagreement=30.0)])
     # Bars, points of each repeat, and two measures over operators and arms.
     assert len(section.pictures) == 4
@@ -243,7 +243,7 @@ def test_a_full_report_contains_all_operators_arms_and_the_control():
 
 
 def test_more_operators_widen_the_adjusted_interval_of_the_primary_one():
-    rows = made_up(dataclasses.replace(FULL, repeats=8, other_repeats=8), disagreement=3.0)
+    rows = made_up(dataclasses.replace(FULL, repeats=8, other_repeats=8, paper=None), disagreement=3.0)
     alone = [one for one in rows if one["operator"] == "primary"]
     (few, many) = (
         next(one for one in compare(repeat_means(chosen)) if one.cell.is_primary) for chosen in (alone, rows)
