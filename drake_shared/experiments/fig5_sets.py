@@ -45,7 +45,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
     return [
         PlannedTask(
             Task.of(run_repeats, scenario=scenario, preset=preset, repeats=repeats),
-            1.2 * len(repeats) + training_cost(preset, len(repeats)),
+            0.4 * len(repeats) + training_cost(preset, len(repeats)),
         )
         for preset in PRESETS
         for repeats in groups(size.of(preset).learners, _GROUP[preset])

@@ -12,6 +12,8 @@ import numpy as np
 from drake_shared.analysis.statistics import Claim, at_least, never
 from drake_shared.arbitration.authority import Authority
 from drake_shared.experiments.common import (
+    ALONE_COST,
+    TRIAL_COST,
     as_demonstrations,
     row_of,
     run_in,
@@ -50,7 +52,6 @@ from drake_shared.simulation.trial import Simulation, TrialSettings
 
 # Three trials round a new obstacle take each route of the shipped scenarios once.
 _GROUP, _ROUND = 10, 3
-_TRIAL_SECONDS, _ALONE_SECONDS = 0.08, 0.045
 
 
 def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
@@ -71,9 +72,9 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
 def _seconds(preset: str, learners: int, trials: int) -> float:
     count = learners * sum(_count(case, trials) for case in CASES) * len(OPERATORS)
     if preset == "none":
-        return _ALONE_SECONDS * count
+        return ALONE_COST * count
     # Two learners of each index: of all routes, and of all but one.
-    return training_cost(preset, 2 * learners) + 0.2 * learners + len(ARMS) * _TRIAL_SECONDS * count
+    return training_cost(preset, 2 * learners) + 0.2 * learners + len(ARMS) * TRIAL_COST * count
 
 
 def _count(case: str, trials: int) -> int:
