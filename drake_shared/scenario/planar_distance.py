@@ -32,6 +32,18 @@ class PlanarDistance:
             least = np.minimum(least, distance_and_gradient(obstacle, x, y, ARRAYS)[0])
         return least
 
+    def nearest(
+        self, x: NDArray[np.float64], y: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Distances (n,) to the nearest obstacle, as `least` returns them, and their gradients (n, 2)."""
+        least, slopes = np.full(np.shape(x), math.inf), np.zeros((*np.shape(x), 2))
+        for obstacle in self._obstacles:
+            distance, *gradient = distance_and_gradient(obstacle, x, y, ARRAYS)
+            nearer = distance < least
+            least = np.where(nearer, distance, least)
+            slopes = np.where(nearer[..., None], np.stack(gradient, axis=-1), slopes)
+        return least, slopes
+
     def within(self, x: float, y: float, threshold: float) -> list[tuple[float, float, float]]:
         """Of each obstacle within ``threshold``: its distance, and the gradient of that in x and y."""
         found = [distance_and_gradient(obstacle, x, y) for obstacle in self._obstacles]
