@@ -27,6 +27,7 @@ from drake_shared.simulation.diagram import AddSharedControl
 from drake_shared.simulation.log import LOG_VERSION, Trial, log_columns, read_log, write_log
 from drake_shared.simulation.settings import TrialSettings, settings_of_log
 from drake_shared.simulation.shared_control import SharedControl
+from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.operators import check_operator_inputs
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
@@ -192,6 +193,8 @@ class RunningTrial:
                 # The agent alone takes no account of the human's command.
                 use_human_command=self.driver != "agent",
             )
+            if isinstance(parts.arbiter, Arbiter):
+                parts.arbiter.SetLearner(parts.arbiter.GetMyMutableContextFromRoot(root), learner)
         own = parts.operator.GetMyMutableContextFromRoot(root)
         if isinstance(parts.operator, SurrogateOperator):
             route = self._route or scenario.routes[0]

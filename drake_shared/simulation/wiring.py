@@ -220,6 +220,7 @@ class Wiring:
             authority=config.authority,
             driver=driver,
             initial_idle_time=idle_time,
+            scenario=self._scenario,
         )
         return arbiter, describe_arbiter(arbiter, config.arbitration)
 

@@ -10,6 +10,7 @@ from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSyste
 
 from drake_shared.arbitration.blend import DRIVERS, blend, finite_weight
 from drake_shared.common.errors import InputError, RunError
+from drake_shared.learners import Learner
 from drake_shared.robots import DiffDrive, Robot, check_robot
 from drake_shared.systems.discrete_update import check_positive
 from drake_shared.systems.intention import empty_intention
@@ -134,6 +135,9 @@ class Arbiter(LeafSystem):
         """Who drives: "shared", "human" or "agent"."""
         driver: str = context.get_abstract_parameter(self._driver_index).get_value()
         return driver
+
+    def SetLearner(self, context: Context, learner: Learner) -> None:
+        """Sets the learner of a trial; for arbiters that use more of it than its predictions."""
 
     def release_reason(self, context: Context) -> str | None:
         """Why the agent gives up control now, whatever its confidence: "conflict", "hands_off" or None."""

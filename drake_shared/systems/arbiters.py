@@ -7,8 +7,8 @@ or ``clearance`` are connected too. An attribute ``configuration``, a JSON-seria
 
 Another package registers one in the entry point group ``drake_shared.arbiters``, under the name that
 ``--arbitration`` takes: a class, or a function that returns the system. It is called with the keyword
-arguments ``robot`` and ``period`` (of the control step, in [s]) if it has such parameters, and with the
-options of ``--arbitration name:key=value``.
+arguments ``robot``, ``period`` (of the control step, in [s]) and ``scenario`` if it has such parameters, and
+with the options of ``--arbitration name:key=value``.
 """
 
 from __future__ import annotations
@@ -26,10 +26,12 @@ from drake_shared.arbitration.authority import Authority
 from drake_shared.common.entry_points import load_registered, registered_names
 from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive, Robot
+from drake_shared.scenario import Scenario
 from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.constant_weight_blender import ConstantWeightBlender
 from drake_shared.systems.ports import check_ports
+from drake_shared.systems.posterior_fusion import PosteriorFusion
 from drake_shared.systems.traded_control import TradedControl
 
 GROUP = "drake_shared.arbiters"
@@ -38,6 +40,7 @@ _BUILT_IN: dict[str, Callable[..., LeafSystem]] = {
     DEFAULT: ConfidenceBlender,
     "halves": functools.partial(ConstantWeightBlender, 0.5),
     "traded": TradedControl,
+    "fusion": PosteriorFusion,
 }
 
 
@@ -55,6 +58,7 @@ def make_arbiter(
     authority: Authority | None = None,
     driver: str = "shared",
     initial_idle_time: float = math.inf,
+    scenario: Scenario | None = None,
 ) -> LeafSystem:
     """Makes the arbiter of that name.
 
@@ -66,6 +70,7 @@ def make_arbiter(
         authority: What the human keeps with "blend".
         driver: Who drives by default, if the arbiter has such a parameter.
         initial_idle_time: See :class:`~drake_shared.systems.confidence_blender.ConfidenceBlender`.
+        scenario: The task, for arbiters that know its obstacles and its goal.
 
     Raises:
         InputError: There is no arbiter of that name; a registered one cannot be imported or made, or lacks a
@@ -75,7 +80,7 @@ def make_arbiter(
     if make is None:
         raise InputError("arbitration", "", f"must be one of {', '.join(arbiter_names())}", repr(name))
     robot = robot or DiffDrive()
-    given = {
+    given: dict[str, Any] = {
         "robot": robot,
         "period": period,
         "initial_idle_time": initial_idle_time,
@@ -84,7 +89,9 @@ def make_arbiter(
     }
     parameters = _parameters(make)
     given = {key: value for key, value in given.items() if key in parameters}
-    known = [key for key in parameters if key not in given]
+    if scenario is not None and "scenario" in parameters:
+        given["scenario"] = scenario
+    known = [key for key in parameters if key not in (*given, "scenario")]
     for option in options or {}:
         if option not in known:
             has = f"has the options {', '.join(known)}" if known else "has no options"

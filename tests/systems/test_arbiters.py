@@ -85,7 +85,7 @@ def test_the_arbiters_of_the_package_are_registered():
 
 
 def test_an_unknown_name_is_refused_and_the_known_are_told(scenario):
-    with pytest.raises(InputError, match=r"agent, blend, halves, human, traded"):
+    with pytest.raises(InputError, match=r"agent, blend, fusion, halves, human, traded"):
         make_arbiter("coin")
 
 
