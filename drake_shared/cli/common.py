@@ -24,10 +24,16 @@ def choose_model(scenario: Scenario, model: Path | None, preset: str) -> Path:
     """
     if model is not None:
         return model
-    shipped = models_directory() / "learners" / f"{scenario.name}_{preset}.safetensors"
-    if not shipped.is_file():
+    shipped = shipped_model(scenario.name, preset)
+    if shipped is None:
         raise InputError("--model", "", f"must be given: no learner ships for scenario {scenario.name!r}")
     return shipped
+
+
+def shipped_model(scenario: str, preset: str) -> Path | None:
+    """The file of the learner that ships for a scenario and preset; None if there is none."""
+    shipped = models_directory() / "learners" / f"{scenario}_{preset}.safetensors"
+    return shipped if shipped.is_file() else None
 
 
 def open_learner(scenario: Scenario, model: Path | None, preset: str) -> tuple[Learner, Path]:

@@ -6,8 +6,9 @@ import dataclasses
 from pathlib import Path
 from typing import Literal
 
-from drake_shared.cli.common import open_learner
+from drake_shared.cli.common import open_learner, shipped_model
 from drake_shared.cli.options import LearnerOptions
+from drake_shared.common.console import say
 from drake_shared.common.files import check_writable
 
 
@@ -34,7 +35,11 @@ class Drive(LearnerOptions):
         from drake_shared.scenario import load_scenario
 
         scenario = load_scenario(self.scenario)
-        learner, _ = open_learner(scenario, self.model, self.preset)
+        learner = None
+        if self.model is None and shipped_model(scenario.name, self.preset) is None:
+            say(f"No learner is known for scenario {scenario.name!r} (--model names one): you drive alone.")
+        else:
+            learner, _ = open_learner(scenario, self.model, self.preset)
         check_writable(self.record)
         drive(
             scenario,

@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.getLogger("drake").setLevel(logging.WARNING)
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        with tolerant_streams(), _ends_on_sigterm():
+        with tolerant_streams(), _ends_on_signals():
             _check_encoding(given)
             if given == ["--version"]:
                 print(f"drake-shared {importlib.metadata.version('drake_shared')}")
@@ -110,16 +110,21 @@ def _subcommands() -> list[Any]:
 
 
 @contextlib.contextmanager
-def _ends_on_sigterm() -> Iterator[None]:
-    """Lets SIGTERM raise SystemExit with status 143, so that every cleanup runs."""
+def _ends_on_signals() -> Iterator[None]:
+    """Lets SIGTERM and SIGHUP raise SystemExit with 128 + number as status, so that every cleanup runs."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    # One that is ignored stays so: nohup ignores SIGHUP.
+    numbers = (signal.SIGTERM, signal.SIGHUP)
+    before = {n: handler for n in numbers if (handler := signal.getsignal(n)) is not signal.SIG_IGN}
+    for number in before:
+        signal.signal(number, lambda received, _: sys.exit(128 + received))
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,8 @@ class Teach(ControlOptions):
     """Records demonstrations without assistance and scores each by its clearance."""
 
     out: Path
-    """Parquet file to write."""
+    """Parquet file to write. With the mouse each demonstration is in it as soon as it ends; a file that holds
+    fewer than the number wanted is continued."""
     operator: Literal["mouse", "surrogate"] = "surrogate"
     """Who drives: a person on the page, or a simulated operator along each route in turn."""
     count: int | None = None
@@ -51,6 +52,7 @@ class Teach(ControlOptions):
             demonstrations = teach_by_mouse(
                 scenario,
                 count=self.count,
+                out=self.out,
                 config=self.control,
                 host=self.host,
                 port=self.port,
@@ -60,7 +62,7 @@ class Teach(ControlOptions):
             demonstrations = teach(
                 scenario, count=self.count, seed=self.seed, config=self.control, behaviour=self.behaviour
             )
-        write_demonstrations(self.out, demonstrations)
+            write_demonstrations(self.out, demonstrations)
         for index, item in enumerate(demonstrations):
             route = item.provenance.get("route") or "free"
             say(f"demonstration {index}: route {route}, clearance {item.score:.3f} m")

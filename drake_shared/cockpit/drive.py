@@ -19,12 +19,13 @@ from drake_shared.cockpit.meshcat_proxy import start_meshcat
 from drake_shared.cockpit.server import DEFAULT_PORT, CockpitServer
 from drake_shared.cockpit.session import Session
 from drake_shared.common.console import say
-from drake_shared.common.errors import InputError
+from drake_shared.common.errors import DrakeSharedError, InputError
 from drake_shared.common.files import check_writable
 from drake_shared.common.threads import single_threaded
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig
+from drake_shared.simulation.journal import recover_trials
 from drake_shared.simulation.scene_drawing import draw_scene, look_from_above
 from drake_shared.simulation.trial import Simulation, Trial
 from drake_shared.systems.mouse_input import MouseInput
@@ -46,12 +47,14 @@ def drive(
     host: str = "127.0.0.1",
     port: int = DEFAULT_PORT,
     open_browser: bool = True,
+    keep_logs: bool = True,
     on_trial: Callable[[Trial], bool | None] = lambda _: None,
 ) -> None:
     """Serves the page and runs trials in real time, one after another, until interrupted.
 
     The page's address, key included, is printed to standard output, messages to standard error. In the main
-    thread SIGINT and SIGTERM end the session, after the current trial is saved.
+    thread SIGINT, SIGTERM and SIGHUP end the session, after the current trial is saved. If the process is
+    killed, the next session with the same folder saves what was driven up to a second before.
 
     Args:
         scenario: The task.
@@ -63,6 +66,7 @@ def drive(
         host: Address to listen on.
         port: Port to listen on; 0 takes any free port.
         open_browser: Whether to open the page in this computer's browser, if it has a display.
+        keep_logs: False removes the log of each trial at its end, after ``on_trial`` has saved it elsewhere.
         on_trial: Called with every finished trial; the session ends when it returns True.
 
     Raises:
@@ -79,6 +83,7 @@ def drive(
         host=host,
         port=port,
         interrupted=interrupted,
+        keep_logs=keep_logs,
         on_trial=on_trial,
     )
     with _set_on_signals(interrupted), session as opened:
@@ -101,6 +106,7 @@ def open_session(
     host: str = "127.0.0.1",
     port: int = 0,
     interrupted: threading.Event | None = None,
+    keep_logs: bool = True,
     report: Callable[[str], None] = say,
     on_trial: Callable[[Trial], bool | None] = lambda _: None,
 ) -> Iterator[Session]:
@@ -110,7 +116,7 @@ def open_session(
     context manager and the session's ``run`` must be used in the same thread, as Meshcat requires.
 
     Args:
-        scenario, learner, assist, config, record, host, port, on_trial: See :func:`drive`.
+        scenario, learner, assist, config, record, host, port, keep_logs, on_trial: See :func:`drive`.
         operator: As for :func:`drive`, or a function that returns the operator: a LeafSystem with a vector
             output port ``human_command``, in wheel speeds [rad/s], that has no direct feedthrough. The
             function is called once with the :class:`DriverLock`, whose ``latest()`` is the newest sample
@@ -129,6 +135,7 @@ def open_session(
         raise InputError("operator", "", f"must be one of {', '.join(OPERATORS)}", repr(operator))
     if record is not None:
         check_writable(record)
+        _recover(Path(record), report)
     assisted = assist and learner is not None and (config is None or config.driver != "human")
     driver_lock = DriverLock(enabled=operator != "surrogate", assist=assisted)
     meshcat = start_meshcat()
@@ -153,6 +160,7 @@ def open_session(
             server=server,
             interrupted=interrupted or threading.Event(),
             record=None if record is None else Path(record),
+            keep_logs=keep_logs,
             report=report,
             on_trial=on_trial,
         )
@@ -163,7 +171,9 @@ def _set_on_signals(interrupted: threading.Event) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    # One that is ignored stays so: nohup ignores SIGHUP.
+    before = {n: handler for n in numbers if (handler := signal.getsignal(n)) is not signal.SIG_IGN}
     for number in before:
         signal.signal(number, lambda *_: interrupted.set())
     try:
@@ -171,6 +181,15 @@ def _set_on_signals(interrupted: threading.Event) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _recover(folder: Path, report: Callable[[str], None]) -> None:
+    """Saves the trials that were under way when earlier sessions with this folder were killed."""
+    try:
+        for path in recover_trials(folder):
+            report(f"Recovered a trial that was under way when its session was killed: {path}")
+    except DrakeSharedError as error:
+        report(f"A trial of an earlier session cannot be recovered now: {error}")
 
 
 @contextlib.contextmanager

@@ -5,11 +5,9 @@ from __future__ import annotations
 import threading
 
 from drake_shared.cockpit.driver_lock import DriverLock
+from drake_shared.simulation.journal import INTERRUPTED
 from drake_shared.simulation.trial import RunningTrial
 from drake_shared.systems.mouse_input import STALE_AFTER
-
-INTERRUPTED = "interrupted"
-"""Status of a trial during which the program was asked to end."""
 
 _POLL_PERIOD = 0.002
 _REST_SPEED = 1e-6

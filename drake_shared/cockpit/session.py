@@ -14,14 +14,16 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import Meshcat
 
-from drake_shared.cockpit.driver_watch import INTERRUPTED, DriverWatch
+from drake_shared.cockpit.driver_watch import DriverWatch
 from drake_shared.cockpit.page_state import LogReader, describe_now, describe_result, describe_scene
 from drake_shared.cockpit.real_time import RealTime
 from drake_shared.cockpit.server import CockpitServer
-from drake_shared.common.errors import DrakeSharedError, RunError
+from drake_shared.cockpit.trial_recorder import TrialRecorder
+from drake_shared.common.errors import RunError
 from drake_shared.learners.no_learner import NoLearner
+from drake_shared.simulation.journal import INTERRUPTED
 from drake_shared.simulation.scene_drawing import draw_path
-from drake_shared.simulation.trial import RunningTrial, Simulation, Trial, TrialSettings, write_log
+from drake_shared.simulation.trial import RunningTrial, Simulation, Trial, TrialSettings
 from drake_shared.systems.mouse_input import MouseInput
 
 FAILED = "failed"
@@ -48,7 +50,8 @@ class Session:
         meshcat: Where the simulation is drawn.
         server: Serves the pages.
         interrupted: Ends the session when set.
-        record: Folder for the logs; if None, nothing is saved.
+        record: Folder for the logs; if None, nothing is saved. Each trial is saved while it is driven.
+        keep_logs: See :class:`TrialRecorder`.
         report: Called with messages for the user.
         on_trial: Called with every finished trial; the session ends when it returns True.
     """
@@ -61,6 +64,7 @@ class Session:
         server: CockpitServer,
         interrupted: threading.Event,
         record: Path | None = None,
+        keep_logs: bool = True,
         report: Callable[[str], None] = lambda _: None,
         on_trial: Callable[[Trial], bool | None] = lambda _: None,
     ) -> None:
@@ -69,7 +73,7 @@ class Session:
         self.server = server
         self._driver_lock = server.driver_lock
         self._interrupted = interrupted
-        self._record = record
+        self._recorder = TrialRecorder(record, keep_logs=keep_logs)
         self._report = report
         self._on_trial = on_trial
         self._log_reader = LogReader(simulation)
@@ -80,6 +84,7 @@ class Session:
         self._no_learner = NoLearner(simulation.scenario.duration)
         self._result: dict[str, Any] | None = None
         self._finished = False
+        self._started = datetime.datetime.now().astimezone()
         self._has_driver = isinstance(simulation.parts.operator, MouseInput)
 
     def run(self) -> None:
@@ -184,7 +189,14 @@ class Session:
     def _run_trial(self, running: RunningTrial, run: Callable[[RealTime], str]) -> None:
         """Runs a trial from its start to its end, and saves it whatever happens."""
         self._publish_phase("driving", running)
-        real_time = RealTime(running, on_step=lambda: self._show(running))
+        self._started = datetime.datetime.now().astimezone()
+        self._recorder.begin(running, self._number + 1, started=self._started)
+
+        def on_step() -> None:
+            self._recorder.record()
+            self._show(running)
+
+        real_time = RealTime(running, on_step=on_step)
         status, failure = FAILED, None
         try:
             status = run(real_time)
@@ -202,8 +214,11 @@ class Session:
     def _finish(self, running: RunningTrial, real_time: RealTime, status: str, failure: str | None) -> None:
         """Saves the trial and shows its result."""
         self._number += 1
-        ended = datetime.datetime.now().astimezone()
-        described: dict[str, Any] = {"ended": ended.isoformat(), "real_time": real_time.describe()}
+        described: dict[str, Any] = {
+            "started": self._started.isoformat(),
+            "ended": datetime.datetime.now().astimezone().isoformat(),
+            "real_time": real_time.describe(),
+        }
         operator = self._simulation.parts.operator
         if isinstance(operator, MouseInput):
             described["driver"] = dataclasses.asdict(self._driver_lock.latest().stick)
@@ -211,28 +226,16 @@ class Session:
         if failure is not None:
             described["failure"] = failure
         trial = running.finish(status, **described)
-        saved, error = self._save(trial, ended)
+        saved, error, self._finished = self._recorder.finish(trial, self._on_trial)
         draw_path(self._meshcat, trial.positions)
         self._result = describe_result(trial, saved, error)
         text = f"Trial {self._number}: {status} after {self._result['time']:.2f} s"
         text += f" ({failure})" if failure else ""
         text += f"; not saved: {error}" if error else f", saved as {saved}" if saved else ""
         self._report(text)
-        self._finished = bool(self._on_trial(trial))
         self._publish_phase("finished", running)
         # No trial runs now, and connections that were aborted leave large reference cycles.
         gc.collect()
-
-    def _save(self, trial: Trial, ended: datetime.datetime) -> tuple[str | None, str | None]:
-        """Returns the name of the log's file, and the error if it could not be written (a full disk)."""
-        if self._record is None:
-            return None, None
-        name = f"{self._simulation.scenario.name}_{ended:%Y%m%d-%H%M%S}_{self._number:03d}.parquet"
-        try:
-            write_log(trial, self._record / name)
-        except DrakeSharedError as error:
-            return None, str(error)
-        return name, None
 
     def _show(self, running: RunningTrial) -> None:
         values = self._log_reader.read(running)

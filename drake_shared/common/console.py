@@ -34,8 +34,10 @@ def tolerant_streams() -> Iterator[None]:
         RunError: Standard output cannot be written, because the disk is full, for example.
     """
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
+        # It fails on a stream that was redirected after it was opened.
+        with contextlib.suppress(OSError):
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")
     try:
         try:
             yield

@@ -21,11 +21,15 @@ def models_directory() -> Path:
 
 
 @contextlib.contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+def replacing(path: str | os.PathLike[str], *, durable: bool = False) -> Iterator[Path]:
     """Yields a temporary path beside ``path`` and renames it to ``path`` on success.
 
     On an exception the temporary file is removed and ``path`` is unchanged. If ``path`` is a symbolic link,
     the file that it leads to is replaced. A file that exists keeps its permissions.
+
+    Args:
+        path: File to write.
+        durable: Wait until the content is on the disk, so that it survives a power failure.
 
     Raises:
         InputError: ``path`` cannot be written to.
@@ -40,13 +44,25 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         try:
             yield temporary
             temporary.chmod(_mode_of(target))
+            if durable:
+                _sync(temporary)
             temporary.replace(target)
+            if durable:
+                _sync(target.parent)
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         # Some libraries raise it with several lines of text.
         reason = os.strerror(error.errno) if error.errno else " ".join(str(error).split())
         raise RunError(f"{target}: cannot be written ({reason})") from error
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _mode_of(target: Path) -> int:

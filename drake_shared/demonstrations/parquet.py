@@ -92,8 +92,13 @@ def provenance_of_trial(metadata: Mapping[str, Any], human_weight: ArrayLike | N
     return kept
 
 
-def write_demonstrations(path: Path, demonstrations: Demonstrations) -> None:
+def write_demonstrations(path: Path, demonstrations: Demonstrations, *, durable: bool = False) -> None:
     """Writes demonstrations so that `read_demonstrations` returns them; the write is atomic.
+
+    Args:
+        path: File to write.
+        demonstrations: What to write.
+        durable: Wait until the file is on the disk, so that it survives a power failure.
 
     Raises:
         InputError: The folder is not writable.
@@ -118,7 +123,7 @@ def write_demonstrations(path: Path, demonstrations: Demonstrations) -> None:
     if names != _PLANE:
         description["position_names"] = list(names)
     table = pa.table(columns).replace_schema_metadata({METADATA_KEY: json.dumps(description).encode()})
-    with replacing(path) as temporary:
+    with replacing(path, durable=durable) as temporary:
         pq.write_table(table, temporary)
 
 

@@ -89,15 +89,20 @@ class Trial:
         return np.stack([self[name] for name in self.robot.columns(who)], axis=-1)
 
 
-def write_log(trial: Trial, path: str | os.PathLike[str]) -> None:
+def write_log(trial: Trial, path: str | os.PathLike[str], *, durable: bool = False) -> None:
     """Writes a trial as Parquet, atomically.
+
+    Args:
+        trial: What to write.
+        path: File to write.
+        durable: Wait until the file is on the disk, so that it survives a power failure.
 
     Raises:
         InputError: The folder cannot be written to.
     """
     table = pa.table(dict(trial.columns))
     table = table.replace_schema_metadata({METADATA_KEY: json.dumps(dict(trial.metadata))})
-    with replacing(path) as temporary:
+    with replacing(path, durable=durable) as temporary:
         pq.write_table(table, temporary)
 
 

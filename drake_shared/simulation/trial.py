@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.common import RandomGenerator
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
@@ -246,12 +247,20 @@ class RunningTrial:
             status: "reached", "timed_out" or "stopped" if None.
             metadata: Further metadata.
         """
-        parts = self.simulation.parts
-        columns = {"t": self._log.sample_times().copy()}
-        columns |= dict(zip(parts.columns, self._log.data().copy(), strict=True))
+        described = self.describe() | metadata
+        return Trial(columns=self.rows(), metadata=described | {"status": status or self.status or "stopped"})
+
+    def describe(self) -> dict[str, Any]:
+        """The metadata of the trial, without its status."""
+        return self.simulation.describe(self.settings, learner=self.learner)
+
+    def rows(self, first: int = 0) -> dict[str, NDArray[Any]]:
+        """The columns of the log so far, from row ``first`` on."""
+        columns: dict[str, NDArray[Any]] = {"t": self._log.sample_times()[first:].copy()}
+        values = self._log.data()[:, first:].copy()
+        columns |= dict(zip(self.simulation.parts.columns, values, strict=True))
         columns["contact"] = columns["contact"] > 0.5
-        described = self.simulation.describe(self.settings, learner=self.learner) | metadata
-        return Trial(columns=columns, metadata=described | {"status": status or self.status or "stopped"})
+        return columns
 
 
 def run_trial(

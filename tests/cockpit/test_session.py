@@ -1,6 +1,8 @@
 """Trials in real time without a browser: how they start, end and are saved."""
 
 import itertools
+import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -346,10 +348,36 @@ def test_an_unknown_operator_is_an_input_error(short_floor):
         drive(short_floor, operator="ghost", open_browser=False)
 
 
-SURROGATE = """
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_session_and_the_trial_is_saved(open_floor, tmp_path, until, number):
+    def send_while_a_trial_runs():
+        until(lambda: list(tmp_path.glob("*.journal")), "a trial to begin")
+        time.sleep(0.2)
+        os.kill(os.getpid(), number)
+
+    sender = threading.Thread(target=send_while_a_trial_runs)
+    sender.start()
+    before = signal.getsignal(number)
+    drive(open_floor, operator="surrogate", record=tmp_path, port=0, open_browser=False)
+    sender.join()
+    assert signal.getsignal(number) is before
+    (path,) = tmp_path.iterdir()
+    saved = read_log(path)
+    assert (saved.status, saved.metadata["operator"]) == ("interrupted", "SurrogateOperator")
+    assert len(saved["t"]) > 1
+    assert "recovered" not in saved.metadata
+
+
+# Prints the time of each step, so that what was lost can be told.
+KILLED = """
 import sys
-from drake_shared.cockpit import drive
+from drake_shared.cockpit import drive, trial_recorder
 from drake_shared.scenario import (Goal, Route, Scenario, Workspace)
+record = trial_recorder.TrialRecorder.record
+def record_and_print(self):
+    record(self)
+    print(self.running.time, flush=True)
+trial_recorder.TrialRecorder.record = record_and_print
 scenario = Scenario(
     name="open_floor",
     goal=Goal(x=4.0, y=0.0),
@@ -360,18 +388,46 @@ drive(scenario, operator="surrogate", record=sys.argv[1], port=0, open_browser=F
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_program_and_the_trial_is_saved(tmp_path, number):
-    command = [sys.executable, "-W", "error", "-c", SURROGATE, str(tmp_path / "logs")]
+def test_what_was_driven_until_a_second_before_the_kill_is_recovered_by_the_next_session(
+    tmp_path, open_floor
+):
+    command = [sys.executable, "-W", "error", "-c", KILLED, str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        address = process.stdout.readline()
-        time.sleep(0.5)
-        process.send_signal(number)
-        _, messages = process.communicate(timeout=30)
-    assert address.startswith("http://127.0.0.1:")
-    assert process.returncode == 0, messages
-    assert "interrupted" in messages
-    (path,) = (tmp_path / "logs").iterdir()
+        assert process.stdout.readline().startswith("http://127.0.0.1:")
+        steps = [float(process.stdout.readline()) for _ in range(30)]
+        process.kill()
+        rest, _ = process.communicate(timeout=30)
+    steps += [float(line) for line in rest.splitlines()]
+    messages: list[str] = []
+    with open_session(open_floor, operator="surrogate", record=tmp_path, report=messages.append):
+        (path,) = tmp_path.iterdir()
     saved = read_log(path)
-    assert (saved.status, saved.metadata["operator"]) == ("interrupted", "SurrogateOperator")
-    assert len(saved["t"]) > 1
+    assert any(str(path) in message for message in messages)
+    assert (saved.status, saved.metadata["recovered"], saved.metadata["mode"]) == (
+        "interrupted",
+        True,
+        "human",
+    )
+    assert steps[-1] - 1.0 <= saved["t"][-1] <= steps[-1] + 0.1
+    np.testing.assert_allclose(np.diff(saved["t"]), 0.05, atol=1e-9)
+
+
+def test_two_sessions_with_one_folder_keep_every_trial(start_cockpit, short_floor, monkeypatch):
+    first, second = start_cockpit(short_floor), start_cockpit(short_floor)
+    assert first.record == second.record
+    for cockpit in (first, second):
+        with Driver(cockpit.driver_lock) as driver:
+            driver.push(forward=1.0)
+            cockpit.next_trial()
+    assert len(list(first.record.iterdir())) == 2
+
+
+def test_a_folder_that_vanishes_is_made_again(start_cockpit, short_floor):
+    cockpit = start_cockpit(short_floor)
+    with Driver(cockpit.driver_lock) as driver:
+        driver.push(forward=1.0)
+        cockpit.wait_for_time(0.3)
+        shutil.rmtree(cockpit.record)
+        cockpit.next_trial()
+    (path,) = cockpit.record.iterdir()
+    assert read_log(path).status == "reached"

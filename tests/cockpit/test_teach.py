@@ -6,6 +6,14 @@ import numpy as np
 import pytest
 
 from drake_shared.cockpit.teach import DemonstrationCollector
+from drake_shared.common.errors import RunError
+from drake_shared.demonstrations import read_demonstrations
+
+
+@pytest.fixture
+def driven(human_trial):
+    """A trial that a person drove."""
+    return dataclasses.replace(human_trial, metadata={**human_trial.metadata, "operator": "MouseInput"})
 
 
 def test_collects_trials_that_reach_the_goal_without_contact(human_trial, scenario):
@@ -20,3 +28,49 @@ def test_collects_trials_that_reach_the_goal_without_contact(human_trial, scenar
     demonstration = collector.demonstrations[0]
     np.testing.assert_array_equal(demonstration.positions, human_trial.positions)
     assert demonstration.score == pytest.approx(human_trial["clearance"].min(), abs=0.01)
+
+
+def test_each_demonstration_is_in_the_file_when_it_ends(driven, scenario, tmp_path):
+    collector = DemonstrationCollector(scenario, wanted=3, out=tmp_path / "demos.parquet")
+    for count in (1, 2):
+        collector(driven)
+        found = read_demonstrations(tmp_path / "demos.parquet", scenario=scenario.name)
+        assert len(found) == count
+        np.testing.assert_array_equal(found.items[-1].positions, driven.positions)
+
+
+def test_a_session_that_was_ended_early_is_continued(driven, scenario, tmp_path):
+    first = DemonstrationCollector(scenario, wanted=3, out=tmp_path / "demos.parquet")
+    first(driven)
+    second = DemonstrationCollector(scenario, wanted=3, out=tmp_path / "demos.parquet")
+    assert len(second.demonstrations) == 1
+    assert [second(driven) for _ in range(2)] == [False, True]
+    assert len(read_demonstrations(tmp_path / "demos.parquet")) == 3
+    # A file that is complete is begun anew.
+    assert DemonstrationCollector(scenario, wanted=3, out=tmp_path / "demos.parquet").demonstrations == []
+
+
+def test_demonstrations_of_a_simulated_operator_or_another_task_are_not_continued(
+    driven, human_trial, scenario, open_floor, tmp_path
+):
+    DemonstrationCollector(scenario, wanted=3, out=tmp_path / "simulated")(human_trial)
+    DemonstrationCollector(scenario, wanted=3, out=tmp_path / "mouse")(driven)
+    assert DemonstrationCollector(scenario, wanted=3, out=tmp_path / "simulated").demonstrations == []
+    assert DemonstrationCollector(open_floor, wanted=3, out=tmp_path / "mouse").demonstrations == []
+
+
+def test_what_a_full_disk_refused_is_written_with_the_next_demonstration(
+    driven, scenario, tmp_path, monkeypatch
+):
+    def full(*_, **__):
+        raise RunError("no space left")
+
+    collector = DemonstrationCollector(scenario, wanted=3, out=tmp_path / "demos.parquet")
+    with monkeypatch.context() as patch:
+        patch.setattr("drake_shared.cockpit.teach.write_demonstrations", full)
+        with pytest.raises(RunError):
+            collector(driven)
+        assert collector.unsaved
+    collector(driven)
+    assert not collector.unsaved
+    assert len(read_demonstrations(tmp_path / "demos.parquet")) == 2
