@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.analysis.statistics import (
+    POINTS,
     Claim,
     Estimate,
+    Question,
     at_least,
-    claim,
     interval,
+    judge,
+    larger,
     not_worse,
-    paired_claims,
 )
 from drake_shared.arbitration.authority import Authority
 from drake_shared.experiments.common import ALONE_COST, TRIAL_COST
@@ -159,59 +161,63 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
 
 def claims(rows: Rows) -> list[Claim]:
     """Compares mixture and CNMP in the same arm, and shared control with the unskilled operator alone."""
-    # Bonferroni's correction for the claims of all operators.
-    level = 1.0 - 0.05 / len(OPERATORS)
-    found = [
+    return judge("arbitration", [*_mixture_questions(rows), *_gain_questions(rows)])
+
+
+def _mixture_questions(rows: Rows) -> list[Question]:
+    success = [
         not_worse(
             f"The mixture's intent success is at least the CNMP's minus {number(_MARGIN)} points (operator "
             f"{operator}, preset default)",
-            100.0
-            * (
-                _main_arm(rows, "intent_success", "mixture", operator)
-                - _main_arm(rows, "intent_success", "default", operator)
-            ),
+            100.0 * _main_arm(rows, "intent_success", "mixture", operator),
+            100.0 * _main_arm(rows, "intent_success", "default", operator),
             margin=_MARGIN,
             unit="points",
-            level=level,
+            bounds=POINTS,
         )
         for operator in OPERATORS
     ]
-    found += paired_claims(
-        [
-            {
-                "text": f"The mixture disagrees less than the CNMP (operator {operator}, preset default)",
-                "one": _main_arm(rows, "disagreement_rate", "default", operator),
-                "other": _main_arm(rows, "disagreement_rate", "mixture", operator),
-                "smallest": _DISAGREEMENT,
-                "unit": "rad/s",
-            }
-            for operator in OPERATORS
-        ]
-    )
-    alone = by_learner(rows, "intent_success", kind="none", operator="unskilled")
-    found += [
-        at_least(
-            f"The unskilled operator's intent success is at least {number(_GAIN)} points higher in shared "
-            f"control than alone, with the whole interval above 0 (preset {kind})",
-            100.0 * _gain(_main_arm(rows, "intent_success", kind, "unskilled"), alone),
-            least=_GAIN,
-            unit="points",
-            level=0.975,
+    return success + [
+        larger(
+            f"The mixture disagrees less than the CNMP (operator {operator}, preset default)",
+            _main_arm(rows, "disagreement_rate", "default", operator),
+            _main_arm(rows, "disagreement_rate", "mixture", operator),
+            smallest=_DISAGREEMENT,
+            unit="rad/s",
         )
-        for kind in ("default", "paper")
+        for operator in OPERATORS
     ]
+
+
+def _gain_questions(rows: Rows) -> list[Question]:
+    alone = by_learner(rows, "intent_success", kind="none", operator="unskilled")
+    found = []
+    for kind in ("default", "paper"):
+        shared = _main_arm(rows, "intent_success", kind, "unskilled")
+        found.append(
+            at_least(
+                f"The unskilled operator's intent success is at least {number(_GAIN)} points higher in "
+                f"shared control than alone (preset {kind})",
+                100.0 * _gain(shared, alone),
+                least=_GAIN,
+                unit="points",
+                bounds=POINTS,
+                paired=True,
+            )
+        )
     gained, kept = (
         100.0 * (by_learner(rows, "intent_success", kind="default", operator="unskilled", arm=arm) - alone)
         for arm in ("blend", "guarded")
     )
     found.append(
-        claim(
+        at_least(
             f"Human authority keeps at least {number(100.0 * _KEPT_SHARE)}% of the gain of the blend "
             f"({number(kept.mean())} of {number(gained.mean())} points of the unskilled operator's intent "
             "success, preset default; the estimate is the gain kept beyond that share)",
             kept - _KEPT_SHARE * gained,
-            smallest=0.0,
+            least=0.0,
             unit="points",
+            bounds=(-190.0, 190.0),
         )
     )
     return found
@@ -264,14 +270,14 @@ def _picture(rows: Rows, operator: str) -> Picture:
     legend_below(figure, handles, columns=4)
     return Picture.of(
         figure,
-        f"Operator {operator}: means with 95% bootstrap intervals over learners, by arbitration and learner. "
+        f"Operator {operator}: means with 95% intervals over learners, by arbitration and learner. "
         "SPARC is closer to 0 for smoother motion.",
     )
 
 
 def _table(rows: Rows, operator: str) -> Table:
     return Table(
-        caption=f"Operator {operator}: means and 95% bootstrap intervals over learners.",
+        caption=f"Operator {operator}: means and 95% intervals over learners.",
         head=["arbitration", "learner", *(measure.label for measure in MEASURES)],
         rows=[
             [

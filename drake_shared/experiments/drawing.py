@@ -151,7 +151,7 @@ def draw_curve(
     label: str | None = None,
     **line: Any,
 ) -> None:
-    """Draws means as a curve in the band of their intervals.
+    """Draws means as a curve in the band of their intervals, where these are finite.
 
     Args:
         axes: Where to draw.
@@ -159,18 +159,20 @@ def draw_curve(
         estimates, colour, label: Of the curve.
         line: Other properties of its line.
     """
-    edges = [one.low for one in estimates], [one.high for one in estimates]
+    edges = np.array([[one.low, one.high] for one in estimates]).T
+    edges[:, ~np.isfinite(edges).all(axis=0)] = np.nan
     axes.fill_between(at, *edges, color=colour, alpha=0.18, linewidth=0)
     properties = {"marker": "o", "markersize": 3, "linewidth": 1.4, "label": label, **line}
     axes.plot(at, [one.mean for one in estimates], color=colour, **properties)
 
 
 def draw_interval(axes: Axes, height: float, found: Estimate, colour: str, **marker: Any) -> None:
-    """Draws a mean as a marker with its interval as a horizontal bar."""
+    """Draws a mean as a marker with its interval as a horizontal bar; an infinite one is not drawn."""
+    widths = np.array([[found.mean - found.low], [found.high - found.mean]])
     axes.errorbar(
         [found.mean],
         [height],
-        xerr=[[found.mean - found.low], [found.high - found.mean]],
+        xerr=np.where(np.isfinite(widths), widths, np.nan),
         color=colour,
         capsize=2,
         linewidth=1.2,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.analysis.statistics import Claim, never, not_worse
+from drake_shared.analysis.statistics import POINTS, Claim, judge, not_worse, seldom
 from drake_shared.experiments.common import ALONE_COST, TRIAL_COST
 from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
 from drake_shared.experiments.measures import (
@@ -66,6 +66,8 @@ _PLANT = (
     *("x", "y", "yaw", "wheel_left", "wheel_right"),
 )
 _MARGIN = 5.0
+_MOST = 20.0
+"""In %; with 20 learners, none with the event bounds their share to 17%."""
 # Three trials take each route of the shipped scenarios once.
 _GROUP, _TRIALS = 5, 3
 
@@ -177,22 +179,23 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
 
 
 def claims(rows: Rows) -> list[Claim]:
-    """Assistance does not lower success at the largest severity, and NaN never reaches the plant."""
+    """Assistance does not lower success at the largest severity, and NaN does not reach the plant."""
     largest = {row["fault"]: row["severity"] for row in sorted(rows, key=lambda row: row["severity"])}
-    found = []
+    questions = []
     for fault in FAULTS:
         assisted, alone = (
-            by_learner(rows, "intent_success", **_where(fault, largest[fault], arm))
+            100.0 * by_learner(rows, "intent_success", **_where(fault, largest[fault], arm))
             for arm in ("assisted", "alone")
         )
-        found.append(
+        questions.append(
             not_worse(
-                f"Assistance does not lower intent success by {number(_MARGIN)} points: {_NAMES[fault]}: "
+                f"Assistance lowers intent success by less than {number(_MARGIN)} points: {_NAMES[fault]}: "
                 f"{number(largest[fault])}",
-                100.0 * (assisted - alone),
+                assisted,
+                alone,
                 margin=_MARGIN,
                 unit="points",
-                level=1.0 - 0.05 / len(FAULTS),
+                bounds=POINTS,
             )
         )
     with_nan = [
@@ -200,15 +203,14 @@ def claims(rows: Rows) -> list[Claim]:
         for row in rows
         if row["fault"].endswith("_nan")
     ]
-    found.append(
-        never(
-            f"NaN never reaches an input or the state of the plant (preset {PRESET}; the estimate is the "
-            "share of trials with NaN from human, pose or learner, negative): it did in "
-            f"{sum(row['reached'] for row in with_nan)} of {len(with_nan)} trials",
-            by_learner(with_nan, "reached"),
-        )
+    reached = seldom(
+        f"With less than {number(_MOST)}% of learners NaN from human, pose or learner reaches an input or "
+        f"the state of the plant (preset {PRESET}; the estimate is the share of learners, negative): it "
+        f"did in {sum(row['reached'] for row in with_nan)} of {len(with_nan)} trials",
+        by_learner(with_nan, "reached"),
+        most=_MOST,
     )
-    return found
+    return [*judge("faults: success", questions), *judge("faults: NaN", [reached])]
 
 
 def _where(fault: str, severity: float, arm: str) -> dict[str, Any]:
@@ -246,7 +248,7 @@ def _table(rows: Rows, fault: str, severities: Sequence[float]) -> Table:
             for arm in (ARMS if severity == 0.0 else arms_of(fault))
         ],
         head=["severity", "control"],
-        caption=f"By severity: {_NAMES[fault]}. Means and 95% bootstrap intervals over learners.",
+        caption=f"By severity: {_NAMES[fault]}. Means and 95% intervals over learners.",
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_shared.analysis.statistics import Claim, claim, interval, paired_claims
+from drake_shared.analysis.statistics import Claim, at_least, interval, judge, larger
 from drake_shared.demonstrations import sampling_weights
 from drake_shared.experiments.common import Teaching, demonstrated, scenario_of
 from drake_shared.experiments.drawing import (
@@ -42,6 +42,7 @@ SEED = 910_000
 _GROUP = 5
 """Number of training seeds in a task, with a plain and a weighted learner each."""
 _MODELS = ("plain", "weighted")
+_UNITS = "training seeds"
 _CLOSER, _PASSED, _ON_ROUTE = 0.02, 0.05, 0.1
 """In [m]: smallest effect of interest, and tolerances for passing a point and for being on a route."""
 _DISTANCES = {
@@ -213,40 +214,41 @@ def _largest(rows: Rows, name: str, **where: Any) -> list[float]:
 
 def claims(rows: Rows) -> list[Claim]:
     """Weighting moves the path towards the best demonstration, and paths pass the observed points."""
-    closer = paired_claims(
-        [
-            {
-                "text": f"At the start the weighted path is closer to the best demonstration than the plain "
-                f"one ({preset})",
-                "one": _largest(rows, "to_best", preset=preset, common=True, model="plain"),
-                "other": _largest(rows, "to_best", preset=preset, common=True, model="weighted"),
-                "smallest": _CLOSER,
-                "unit": "m",
-            }
-            for preset in PRESETS
-        ]
-    )
+    closer = [
+        larger(
+            f"At the start the weighted path is closer to the best demonstration than the plain "
+            f"one ({preset})",
+            _largest(rows, "to_best", preset=preset, common=True, model="plain"),
+            _largest(rows, "to_best", preset=preset, common=True, model="weighted"),
+            smallest=_CLOSER,
+            unit="m",
+            units=_UNITS,
+        )
+        for preset in PRESETS
+    ]
     passed = [
-        claim(
+        at_least(
             f"Both paths pass within {_PASSED} m of each of the three points: {_PASSED} m minus the largest "
             f"distance ({preset})",
             _PASSED - np.array(_largest(rows, "missed", preset=preset)),
-            smallest=0.0,
+            least=0.0,
             unit="m",
+            units=_UNITS,
         )
         for preset in PRESETS
     ]
     on_route = [
-        claim(
+        at_least(
             f"Through a point of one route both paths stay within {_ON_ROUTE} m of that route: {_ON_ROUTE} m "
             f"minus the larger distance ({preset})",
             _ON_ROUTE - np.array(_largest(rows, "to_route", preset=preset, common=False)),
-            smallest=0.0,
+            least=0.0,
             unit="m",
+            units=_UNITS,
         )
         for preset in PRESETS
     ]
-    return closer + passed + on_route
+    return judge("weighting", closer + passed + on_route)
 
 
 def _table(rows: Rows) -> Table:
@@ -258,7 +260,7 @@ def _table(rows: Rows) -> Table:
                 cells = [with_interval(interval(_largest(rows, name, **where))) for name in _DISTANCES]
                 lines.append([preset, condition, model, *cells])
     return Table(
-        caption="Distances in m, with 95% bootstrap intervals over training seeds. The average is the mean "
+        caption="Distances in m, with 95% intervals over training seeds. The average is the mean "
         "of the demonstrations with equal weights.",
         head=["preset", "observed point", "learner", *_DISTANCES.values()],
         rows=lines,

@@ -25,7 +25,7 @@ from drake_shared.analysis.ambiguity import (
     mean_weights,
 )
 from drake_shared.analysis.replay import write_replay
-from drake_shared.analysis.statistics import Claim, claim, interval, paired_claims
+from drake_shared.analysis.statistics import Claim, interval, judge, larger
 from drake_shared.experiments.common import (
     TRIAL_COST,
     Teaching,
@@ -235,28 +235,31 @@ def claims(learners: Rows) -> list[Claim]:
             ("area", "clock_area", _SMALLEST_AREA),
         ),
     )
-    higher = paired_claims(
-        [
-            {
-                "text": f"{text} ({preset})",
-                "one": _column(learners, preset, one),
-                "other": _column(learners, preset, other),
-                "smallest": smallest,
-                "unit": "",
-            }
-            for text, (one, other, smallest) in comparisons
-            for preset in PRESETS
-        ]
-    )
-    return higher + [
-        claim(
-            f"w distinguishes ambiguous from clear steps: area under the ROC curve above 0.5 ({preset})",
-            _column(learners, preset, "area") - 0.5,
-            smallest=_SMALLEST_AREA,
+    higher = [
+        larger(
+            f"{text} ({preset})",
+            _column(learners, preset, one),
+            _column(learners, preset, other),
+            smallest=smallest,
             unit="",
+            bounds=(-1.0, 1.0),
         )
+        for text, (one, other, smallest) in comparisons
         for preset in PRESETS
     ]
+    distinguishes = [
+        larger(
+            f"w distinguishes ambiguous from clear steps: area under the ROC curve above 0.5 ({preset})",
+            areas,
+            np.full_like(areas, 0.5),
+            smallest=_SMALLEST_AREA,
+            unit="",
+            bounds=(-0.5, 0.5),
+        )
+        for preset in PRESETS
+        for areas in [_column(learners, preset, "area")]
+    ]
+    return judge("shared run", higher + distinguishes)
 
 
 def _table(rows: Rows, learners: Rows) -> Table:
@@ -270,11 +273,13 @@ def _table(rows: Rows, learners: Rows) -> Table:
     for preset in PRESETS:
         own = select(rows, preset=preset)
         shares = [f"{100 * np.mean([row[f'{kind}_share'] for row in own]):.0f}%" for kind in _KINDS]
-        estimates = [with_interval(interval(_column(learners, preset, name))) for name in columns]
+        estimates = [
+            with_interval(interval(_column(learners, preset, name), bounds=(0.0, 1.0))) for name in columns
+        ]
         success = f"{100 * np.mean([row['intent_success'] for row in own]):.0f}%"
         lines.append([preset, *shares, *estimates, success])
     return Table(
-        caption="Means over learners with 95% bootstrap intervals. Steps that are neither ambiguous nor "
+        caption="Means over learners with 95% intervals. Steps that are neither ambiguous nor "
         "clear are not counted; intent success is the share of all trials.",
         head=["preset", "steps ambiguous", "steps clear", *columns.values(), "intent success"],
         rows=lines,

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_shared.analysis.statistics import Estimate, holm, holm_levels, paired, verdict
+from drake_shared.analysis.mean_tests import UNBOUNDED
+from drake_shared.analysis.statistics import Claim, Estimate, Question, interval, judge
 from drake_shared.experiments.measures import finite_mean
 from drake_shared.experiments.training import PRESETS
 from drake_shared.operators.named import OPERATORS
@@ -37,12 +38,14 @@ class Criterion:
         smallest: The smallest effect of interest.
         unit: Of the measure.
         paper: Whether the paper makes a claim about it.
+        bounds: The least and the largest possible difference.
     """
 
     better: str
     smallest: float
     unit: str
     paper: bool
+    bounds: tuple[float, float] = UNBOUNDED
 
 
 # Over a drive of 10 s, 20 rad/s correspond to 0.05 rad/s at each wheel in each step: half of the operator's
@@ -50,9 +53,9 @@ class Criterion:
 # in a hundred, 2 of about 85 rad, and 1 cm of about 15 cm of clearance.
 CRITERIA = {
     "disagreement": Criterion(better="lower", smallest=20.0, unit="rad/s", paper=True),
-    "mean_human_weight": Criterion(better="lower", smallest=0.02, unit="", paper=True),
+    "mean_human_weight": Criterion(better="lower", smallest=0.02, unit="", paper=True, bounds=(-1.0, 1.0)),
     "disagreement_rate": Criterion(better="lower", smallest=0.1, unit="rad/s", paper=False),
-    "intent_success": Criterion(better="higher", smallest=0.02, unit="", paper=False),
+    "intent_success": Criterion(better="higher", smallest=0.02, unit="", paper=False, bounds=(-1.0, 1.0)),
     "human_effort": Criterion(better="lower", smallest=2.0, unit="rad", paper=False),
     "clearance": Criterion(better="higher", smallest=0.01, unit="m", paper=False),
 }
@@ -85,8 +88,7 @@ class Comparison:
         against: The other setup: "human" (Setup 2) or "more" (the control).
         differences: One for each repeat, shape (n,); positive if Setup 1 is better.
         plain: Their mean, with the 95% interval.
-        estimate: Their mean, with the interval adjusted for the family of comparisons.
-        effect, p, verdict: See `Claim`.
+        claim: Whether Setup 1 is better, decided within the family of comparisons.
     """
 
     cell: Cell
@@ -94,10 +96,17 @@ class Comparison:
     against: str
     differences: NDArray[np.float64]
     plain: Estimate
-    estimate: Estimate
-    effect: float
-    p: float
-    verdict: str
+    claim: Claim
+
+    @property
+    def estimate(self) -> Estimate:
+        """Their mean, with the interval adjusted for the family."""
+        return self.claim.estimate
+
+    @property
+    def verdict(self) -> str:
+        """Whether Setup 1 is better; see `Claim`."""
+        return self.claim.verdict
 
     @property
     def row(self) -> dict[str, Any]:
@@ -113,8 +122,8 @@ class Comparison:
             "adjusted_low": self.estimate.low,
             "adjusted_high": self.estimate.high,
             "smallest": CRITERIA[self.measure].smallest,
-            "effect": self.effect,
-            "p": self.p,
+            "effect": self.claim.effect,
+            "p": self.claim.p,
             "verdict": self.verdict,
         }
 
@@ -155,7 +164,7 @@ def compare(means: Means) -> list[Comparison]:
     the primary arm over all operators; the same in the other arms; the other measures, likewise; and the
     control.
     """
-    families: dict[tuple[Any, ...], list[tuple[Cell, str, str, NDArray[np.float64]]]] = {}
+    families: dict[tuple[str, bool, bool, str], list[tuple[Cell, str, str, NDArray[np.float64]]]] = {}
     for cell, repeats in means.items():
         for against in SETUPS[1:]:
             pairs = [setups for setups in repeats.values() if {"shared", against} <= set(setups)]
@@ -165,31 +174,50 @@ def compare(means: Means) -> list[Comparison]:
                 if pairs:
                     family = (cell.preset, cell.arm == PRIMARY_ARM, criterion.paper, against)
                     families.setdefault(family, []).append((cell, name, against, differences))
-    return [compared for family in families.values() for compared in _adjusted(family)]
+    return [compared for family, members in families.items() for compared in _judged(family, members)]
 
 
-def _adjusted(family: Sequence[tuple[Cell, str, str, NDArray[np.float64]]]) -> list[Comparison]:
-    plain = [paired(differences, np.zeros_like(differences)) for *_, differences in family]
-    p = [one.p for one in plain]
-    found = []
-    for (cell, name, against, differences), one, adjusted, level in zip(
-        family, plain, holm(p), holm_levels(p), strict=True
-    ):
-        estimate = paired(differences, np.zeros_like(differences), level=level).estimate
-        found.append(
-            Comparison(
-                cell=cell,
-                measure=name,
-                against=against,
-                differences=differences,
-                plain=one.estimate,
-                estimate=estimate,
-                effect=one.effect,
-                p=adjusted,
-                verdict=verdict(estimate, CRITERIA[name].smallest),
-            )
+def _judged(
+    family: tuple[str, bool, bool, str], members: Sequence[tuple[Cell, str, str, NDArray[np.float64]]]
+) -> list[Comparison]:
+    preset, primary, paper, against = family
+    name = ", ".join(
+        (
+            f"second learners ({preset})",
+            "primary arm" if primary else "other arms",
+            "the paper's measures" if paper else "other measures",
+            "against Setup 2" if against == "human" else "against the control",
         )
-    return found
+    )
+    claims = judge(name, [_question(*member) for member in members])
+    return [
+        Comparison(
+            cell=cell,
+            measure=measure,
+            against=against,
+            differences=differences,
+            plain=interval(differences, bounds=CRITERIA[measure].bounds),
+            claim=claim,
+        )
+        for (cell, measure, against, differences), claim in zip(members, claims, strict=True)
+    ]
+
+
+def _question(cell: Cell, measure: str, against: str, differences: NDArray[np.float64]) -> Question:
+    criterion = CRITERIA[measure]
+    setup = "Setup 2" if against == "human" else "the control"
+    text = f"{measure.replace('_', ' ').capitalize()} is {criterion.better} with Setup 1 than with {setup}"
+    text += f" (preset {cell.preset}{'' if criterion.paper else '; not reported in the paper'})"
+    return Question(
+        text=text,
+        values=differences,
+        unit=criterion.unit,
+        above=criterion.smallest,
+        below=-criterion.smallest,
+        bounds=criterion.bounds,
+        paired=True,
+        units="repeats",
+    )
 
 
 def _order(cell: Cell) -> tuple[int, int, int]:

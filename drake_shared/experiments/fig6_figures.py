@@ -170,8 +170,8 @@ def difference_table(comparisons: Sequence[Comparison], caption: str) -> Table:
                 with_unit(one.measure, one.estimate.mean),
                 f"[{number(one.plain.low)}, {number(one.plain.high)}]",
                 f"[{number(one.estimate.low)}, {number(one.estimate.high)}]",
-                number(one.effect),
-                number(one.p),
+                number(one.claim.effect),
+                number(one.claim.p),
                 with_unit(one.measure, CRITERIA[one.measure].smallest),
                 one.verdict,
             ]

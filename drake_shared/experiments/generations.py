@@ -19,7 +19,16 @@ from drake_shared.analysis.confidence_calibration import (
     demonstrations_of_routes,
 )
 from drake_shared.analysis.metrics import metrics
-from drake_shared.analysis.statistics import Claim, not_worse, paired, paired_claims
+from drake_shared.analysis.statistics import (
+    PERCENT,
+    POINTS,
+    Claim,
+    differences,
+    interval,
+    judge,
+    larger,
+    not_worse,
+)
 from drake_shared.common.errors import RunError
 from drake_shared.demonstrations import Demonstration
 from drake_shared.experiments.common import (
@@ -45,7 +54,7 @@ from drake_shared.experiments.measures import (
 )
 from drake_shared.experiments.paired_trials import groups, route_settings
 from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size, Table
-from drake_shared.experiments.text import paragraphs, with_interval
+from drake_shared.experiments.text import number, paragraphs, with_interval
 from drake_shared.experiments.training import PRESETS, stopped_early, train_all, training_cost
 from drake_shared.operators.named import OPERATORS
 from drake_shared.simulation.runner import Task
@@ -58,11 +67,11 @@ ARMS = {"shared": COLOURS["shared"], "human": COLOURS["human"], "frozen": "0.35"
 """Name to colour. The frozen learner receives no new data."""
 FED = ("shared", "human")
 _TRIAL_MEASURES = (INTENT_SUCCESS, HUMAN_EFFORT, DISAGREEMENT, MEAN_HUMAN_WEIGHT)
-_CALIBRATION_ERROR = Measure("expected_calibration_error", "calibration error")
+_CALIBRATION_ERROR = Measure("expected_calibration_error", "calibration error", limits=(0.0, 1.0))
 _AUTONOMY_SHARE = Measure("autonomy_share", "share of data by autonomy", "%", 100.0)
 _LOOP_MEASURES = (
     _CALIBRATION_ERROR,
-    Measure("confident_and_wrong", "confident and wrong", "% of steps", 100.0),
+    Measure("confident_and_wrong", "confident and wrong", "% of steps", 100.0, limits=PERCENT),
     _AUTONOMY_SHARE,
 )
 _MEASURES = (*_TRIAL_MEASURES, *_LOOP_MEASURES)
@@ -272,41 +281,49 @@ def claims(rows: Rows, last: int) -> list[Claim]:
         return _values(rows, measure, preset, arm, last)
 
     after = f"After {last} generations of shared runs"
-    margins = [
-        (INTENT_SUCCESS, f"{after} intent success is not lower than with the frozen learner", "points", 1.0),
-        (_CALIBRATION_ERROR, f"{after} the confidence is not calibrated worse", "", -1.0),
-    ]
-    # Bonferroni's correction: these claims are decided by intervals, and have no p for Holm's method.
-    level = 1.0 - 0.05 / (len(margins) * len(PRESETS))
-    kept = [
+    success = [
         not_worse(
-            f"{text} (preset {preset})",
-            sign * (values(measure, preset, "shared") - values(measure, preset, "frozen")),
-            margin=_SMALLEST[measure],
-            unit=unit,
-            level=level,
+            f"{after} intent success is less than {number(_SMALLEST[INTENT_SUCCESS])} points lower than with "
+            f"the frozen learner (preset {preset})",
+            values(INTENT_SUCCESS, preset, "shared"),
+            values(INTENT_SUCCESS, preset, "frozen"),
+            margin=_SMALLEST[INTENT_SUCCESS],
+            unit="points",
+            bounds=POINTS,
+            units="repeats",
         )
-        for measure, text, unit, sign in margins
         for preset in PRESETS
     ]
-    lower = paired_claims(
-        [
-            {
-                "text": f"{after} disagreement is lower than with the frozen learner (preset {preset})",
-                "one": values(DISAGREEMENT, preset, "frozen"),
-                "other": values(DISAGREEMENT, preset, "shared"),
-                "smallest": _SMALLEST[DISAGREEMENT],
-                "unit": "rad/s",
-            }
-            for preset in PRESETS
-        ]
-    )
-    return [*kept[: len(PRESETS)], *lower, *kept[len(PRESETS) :]]
+    disagreement = [
+        larger(
+            f"{after} disagreement is lower than with the frozen learner (preset {preset})",
+            values(DISAGREEMENT, preset, "frozen"),
+            values(DISAGREEMENT, preset, "shared"),
+            smallest=_SMALLEST[DISAGREEMENT],
+            unit="rad/s",
+            units="repeats",
+        )
+        for preset in PRESETS
+    ]
+    calibration = [
+        not_worse(
+            f"{after} the calibration error is less than {number(_SMALLEST[_CALIBRATION_ERROR])} larger than "
+            f"with the frozen learner (preset {preset})",
+            -values(_CALIBRATION_ERROR, preset, "shared"),
+            -values(_CALIBRATION_ERROR, preset, "frozen"),
+            margin=_SMALLEST[_CALIBRATION_ERROR],
+            unit="",
+            bounds=(-1.0, 1.0),
+            units="repeats",
+        )
+        for preset in PRESETS
+    ]
+    return judge("generations", success + disagreement + calibration)
 
 
 def _difference(rows: Rows, measure: Measure, preset: str, one: str, other: str, last: int) -> str:
     pair = (_values(rows, measure, preset, arm, last) for arm in (one, other))
-    return with_interval(paired(*pair).estimate)
+    return with_interval(interval(differences(*pair), bounds=measure.difference_bounds))
 
 
 def _outcome(rows: Rows, preset: str, last: int) -> dict[str, Any]:
@@ -346,14 +363,14 @@ def _means_table(rows: Rows, last: int) -> Table:
             for arm in ARMS
         ],
         head=["preset", "arm"],
-        caption=f"After generation {last}: means and 95% bootstrap intervals over repeats.",
+        caption=f"After generation {last}: means and 95% intervals over repeats.",
         unit="repeat",
     )
 
 
 def _differences_table(rows: Rows, last: int) -> Table:
     return Table(
-        caption=f"Paired differences over repeats after generation {last}, with 95% bootstrap intervals that "
+        caption=f"Paired differences over repeats after generation {last}, with 95% intervals that "
         "are not adjusted for their number.",
         head=["preset", "difference", *(measure.label for measure in _MEASURES)],
         rows=[

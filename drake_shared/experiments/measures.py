@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_shared.analysis.statistics import Estimate, interval
+from drake_shared.analysis.mean_tests import UNBOUNDED
+from drake_shared.analysis.statistics import PERCENT, Estimate, interval
 from drake_shared.experiments.section import Rows, Table
 from drake_shared.experiments.text import with_interval
 
@@ -23,24 +24,37 @@ class Measure:
         title: Its name in the report.
         unit: The unit in the report; empty for a plain number.
         factor: From the unit of the rows to that of the report.
+        limits: The least and the largest possible value in the report, if the unit is not %.
     """
 
     name: str
     title: str
     unit: str = ""
     factor: float = 1.0
+    limits: tuple[float, float] = UNBOUNDED
 
     @property
     def label(self) -> str:
         """Title and unit."""
         return f"{self.title}, {self.unit}" if self.unit else self.title
 
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """The least and the largest possible value."""
+        return PERCENT if self.unit == "%" else self.limits
+
+    @property
+    def difference_bounds(self) -> tuple[float, float]:
+        """The least and the largest possible difference of two values."""
+        low, high = self.bounds
+        return low - high, high - low
+
 
 INTENT_SUCCESS = Measure("intent_success", "intent success", "%", 100.0)
 COLLISIONS = Measure("collision", "collisions", "%", 100.0)
 HUMAN_EFFORT = Measure("human_effort", "human effort", "rad")
 DISAGREEMENT = Measure("disagreement", "disagreement", "rad/s")
-MEAN_HUMAN_WEIGHT = Measure("mean_human_weight", "mean human weight")
+MEAN_HUMAN_WEIGHT = Measure("mean_human_weight", "mean human weight", limits=(0.0, 1.0))
 
 
 def select(rows: Iterable[Mapping[str, Any]], **where: Any) -> list[Mapping[str, Any]]:
@@ -75,7 +89,8 @@ def finite_mean(values: Sequence[float]) -> float:
 
 def estimate(rows: Rows, measure: Measure, *, unit: str = "learner", **where: Any) -> Estimate:
     """Mean and interval of a measure over learners, in the unit of the report; see `by_learner`."""
-    return interval(measure.factor * by_learner(rows, measure.name, unit=unit, **where))
+    values = measure.factor * by_learner(rows, measure.name, unit=unit, **where)
+    return interval(values, bounds=measure.bounds)
 
 
 def means_table(

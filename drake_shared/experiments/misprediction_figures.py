@@ -155,7 +155,7 @@ def table(rows: Rows, operator: str) -> Table:
             line = [words, label, *(with_interval(estimate(own, measure)) for measure in _MEASURES)]
             cells.append([*line, *(["–"] * 3 if arm == "human" else _recovery_cells(own))])
     return Table(
-        caption=f"Operator {operator}: means and 95% bootstrap intervals over learners. The time is over the "
+        caption=f"Operator {operator}: means and 95% intervals over learners. The time is over the "
         "trials in which w fell and rose again; the last two columns are shares of all trials.",
         head=[
             *("case", "control", *(measure.label for measure in _MEASURES)),

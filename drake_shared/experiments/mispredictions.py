@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.analysis.statistics import Claim, at_least, never
+from drake_shared.analysis.statistics import PERCENT, Claim, Question, at_least, judge, seldom
 from drake_shared.arbitration.authority import Authority
 from drake_shared.experiments.common import (
     ALONE_COST,
@@ -204,7 +204,7 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
         pictures=[
             Picture.of(
                 successes(rows),
-                "Intent success by case, arm and operator: means with 95% bootstrap intervals over learners.",
+                "Intent success by case, arm and operator: means with 95% intervals over learners.",
             ),
             Picture.of(
                 recoveries(rows),
@@ -224,17 +224,19 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
     )
 
 
+_MOST = 25.0
+"""In %; with 20 learners, none with the event bounds their share to 17%, and to 22% for four questions."""
+
+
 def claims(rows: Rows) -> list[Claim]:
-    """With authority: intent success of at least 95% in each case, and no additional collisions."""
-    level = 1.0 - 0.05 / len(CASES)
-    found = [
+    """With authority: intent success of at least 95% in each case, and additional collisions are rare."""
+    success = [
         at_least(
-            f"Intent success with authority is at least {number(LEAST)}%: {words} (preset {preset}; the "
-            f"estimate is the excess over {number(LEAST)})",
-            100.0 * by_learner(rows, "intent_success", case=case, preset=preset, arm="on") - LEAST,
-            least=0.0,
-            unit="points",
-            level=level,
+            f"Intent success with authority is at least {number(LEAST)}%: {words} (preset {preset})",
+            100.0 * by_learner(rows, "intent_success", case=case, preset=preset, arm="on"),
+            least=LEAST,
+            unit="%",
+            bounds=PERCENT,
         )
         for preset in PRESETS
         for case, words in CASES.items()
@@ -243,14 +245,15 @@ def claims(rows: Rows) -> list[Claim]:
         "on another route than the demonstrated or the first one": set(CASES) - set(PASSAGES),
         "round a new obstacle": set(PASSAGES),
     }
-    return found + [
-        _no_additional_collision([row for row in rows if row["case"] in cases], preset, words)
+    collisions = [
+        _few_additional_collisions([row for row in rows if row["case"] in cases], preset, words)
         for preset in PRESETS
         for words, cases in kinds.items()
     ]
+    return [*judge("mispredictions: success", success), *judge("mispredictions: collisions", collisions)]
 
 
-def _no_additional_collision(rows: Rows, preset: str, words: str) -> Claim:
+def _few_additional_collisions(rows: Rows, preset: str, words: str) -> Question:
     def key(row: Mapping[str, Any]) -> tuple[Any, ...]:
         return tuple(row[name] for name in ("case", "operator", "learner", "seed"))
 
@@ -259,11 +262,12 @@ def _no_additional_collision(rows: Rows, preset: str, words: str) -> Claim:
         {"learner": row["learner"], "new": row["collision"] and key(row) not in alone}
         for row in select(rows, preset=preset, arm="on")
     ]
-    return never(
-        f"With authority no trial has a collision that the human alone does not have, {words} (preset "
-        f"{preset}; the estimate is the share of trials, negative): {sum(row['new'] for row in shared)} of "
-        f"{len(shared)} trials do",
+    return seldom(
+        f"With authority less than {number(_MOST)}% of learners have a trial with a collision that the human "
+        f"alone does not have, {words} (preset {preset}; the estimate is their share, negative): "
+        f"{sum(row['new'] for row in shared)} of {len(shared)} trials do",
         by_learner(shared, "new"),
+        most=_MOST,
     )
 
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.analysis.statistics import interval
 from drake_shared.experiments.common import (
     ALONE_COST,
     TRIAL_COST,
@@ -103,8 +102,8 @@ def _line(rows: Rows) -> list[str]:
         f"{100 * np.mean([row['intent_success'] for row in select(rows, mode=driver)]):.0f}%"
         for driver in _DRIVERS
     ]
-    weight = interval([row["mean_human_weight"] for row in select(rows, mode="shared")])
-    return [name, OPERATORS[name].model, OPERATORS[name].source, *shares, f"{weight.mean:.2f}"]
+    weight = np.mean([row["mean_human_weight"] for row in select(rows, mode="shared")])
+    return [name, OPERATORS[name].model, OPERATORS[name].source, *shares, f"{weight:.2f}"]
 
 
 def _figure(scenario: str | None, results: list[Any]) -> Any:

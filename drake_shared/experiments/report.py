@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -80,6 +81,7 @@ def render(sections: Sequence[Section], *, title: str, about: Mapping[str, Any],
     return template.render(
         sections=sections,
         claims=[claim for section in sections for claim in section.claims],
+        families=Counter(claim.family for section in sections for claim in section.claims),
         title=title,
         about=about,
         rerun=rerun,

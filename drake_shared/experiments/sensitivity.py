@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from drake_shared.analysis.statistics import interval
+from drake_shared.analysis.statistics import POINTS, interval
 from drake_shared.experiments.common import ALONE_COST, TRIAL_COST
 from drake_shared.experiments.drawing import COLOURS, draw_curve, legend_below, new_figure
 from drake_shared.experiments.measures import (
@@ -183,7 +183,7 @@ def _changes(rows: Rows, sweep: Sweep) -> list[str]:
     changes: dict[str, list[str]] = {preset: [] for preset in PRESETS}
     for preset, operator, points in sweep.lines():
         first, last = (by_learner(rows, "intent_success", **points[at]) for at in (0, -1))
-        found = interval(100.0 * (last - first))
+        found = interval(100.0 * (last - first), bounds=POINTS)
         changes[preset].append(
             f"{number(found.mean)} points [{number(found.low)}, {number(found.high)}] for {operator}"
         )
@@ -221,7 +221,7 @@ def _table(rows: Rows, sweep: Sweep) -> Table:
             for where in points
         ],
         head=["preset", "operator", sweep.label],
-        caption="Means and 95% bootstrap intervals over learners.",
+        caption="Means and 95% intervals over learners.",
     )
 
 

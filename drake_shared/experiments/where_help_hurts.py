@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.analysis.statistics import interval
+from drake_shared.analysis.statistics import differences as differences_of, interval
 from drake_shared.experiments.common import ALONE_COST, TRIAL_COST
 from drake_shared.experiments.drawing import new_figure
 from drake_shared.experiments.measures import HUMAN_EFFORT, INTENT_SUCCESS, by_learner, select
@@ -122,7 +122,8 @@ def differences(rows: Rows) -> list[dict[str, Any]]:
         for measure, _, _ in _MEASURES.values():
             alone = measure.factor * by_learner(here, measure.name, arm="alone")
             for preset in PRESETS:
-                estimate = interval(measure.factor * by_learner(here, measure.name, arm=preset) - alone)
+                shared = measure.factor * by_learner(here, measure.name, arm=preset)
+                estimate = interval(differences_of(shared, alone), bounds=measure.difference_bounds)
                 found.append(
                     {
                         "measure": measure.name,

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from drake_shared.analysis.statistics import at_least, not_worse
 from drake_shared.experiments import arbitration_compared
 
 
@@ -25,7 +24,8 @@ def made_up(*, gain=0.2, mixture=0.0, disagreement=1.0, learners=20):
             for kind, arms in arbitration_compared.ARMS_OF_LEARNERS.items():
                 more = {"none": 0.0, "mixture": gain + mixture}.get(kind, gain)
                 for arm in arms:
-                    row = {measure.name: base + more for measure in arbitration_compared.MEASURES}
+                    noise = 0.01 * rng.standard_normal()
+                    row = {measure.name: base + more + noise for measure in arbitration_compared.MEASURES}
                     row["disagreement_rate"] = 5.0 + rng.normal(0, 0.1)
                     row["disagreement_rate"] -= disagreement * (kind == "mixture")
                     rows.append(row | {"arm": arm, "kind": kind, "operator": operator, "learner": learner})
@@ -63,7 +63,7 @@ def test_claims_follow_the_rows():
     assert verdicts(made_up()) == ({"holds"}, {"holds"}, {"holds"})
     worse = made_up(gain=-0.2, mixture=-0.1, disagreement=-1.0)
     assert verdicts(worse) == ({"reversed"}, {"reversed"}, {"reversed"})
-    assert verdicts(made_up(gain=0.05))[2] == {"equivalent"}
+    assert verdicts(made_up(gain=0.05))[2] == {"reversed"}
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.95, "holds"), (0.8, "reversed")])
@@ -75,18 +75,9 @@ def test_the_share_of_the_gain_that_human_authority_keeps(share, verdict):
     for row in rows:
         if row["arm"] == "guarded":
             row["intent_success"] = alone[row["operator"], row["learner"]] + share * 0.2
+            row["intent_success"] += 0.002 * (row["learner"] % 5 - 2)
+        elif row["arm"] == "blend" and row["kind"] == "default":
+            row["intent_success"] = alone[row["operator"], row["learner"]] + 0.2
     last = arbitration_compared.claims(rows)[-1]
     assert last.verdict == verdict
-    assert last.estimate.mean == pytest.approx(20.0 * (share - 0.9))
-
-
-def test_not_worse_and_at_least():
-    near = np.array([-1.0, 0.5, -0.5, 1.0, 0.0, 0.2])
-    assert not_worse("", near, margin=2.0, unit="").verdict == "holds"
-    assert not_worse("", near, margin=0.1, unit="").verdict == "open"
-    assert not_worse("", near - 5.0, margin=2.0, unit="").verdict == "reversed"
-    assert not_worse("", [3.0], margin=2.0, unit="").verdict == "open"
-    wide = 11.0 + 8.0 * near
-    assert at_least("", wide, least=10.0, unit="").verdict == "holds"
-    assert at_least("", wide - 3.0, least=10.0, unit="").verdict == "open"
-    assert at_least("", -2.0 * wide, least=10.0, unit="").verdict == "reversed"
+    assert last.estimate.mean == pytest.approx(20.0 * (share - 0.9), abs=0.05)

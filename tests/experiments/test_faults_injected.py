@@ -20,15 +20,19 @@ def rows(short_training, run_plan, tiny):
 
 
 def made_up(*, assisted, reached=0):
-    """Rows of six learners in which assistance adds ``assisted`` to the success with each fault."""
+    """Rows of 20 learners in which assistance adds about ``assisted`` to the success with each fault."""
     rows = [
         {"fault": fault, "severity": severity, "arm": arm, "learner": learner, "not_finite": 0}
-        | {"intent_success": 0.5 + assisted * (arm == "assisted" and severity > 0.0)}
+        | {
+            "intent_success": 0.5
+            + (assisted + 0.01 * (learner % 5 - 2)) * (arm == "assisted" and severity > 0.0)
+        }
         for fault, severity in [("", 0.0), *((name, values[-1]) for name, values in FAULTS.items())]
         for arm in faults_injected.arms_of(fault)
-        for learner in range(6)
+        for learner in range(20)
     ]
-    next(row for row in rows if row["fault"] == "pose_nan")["not_finite"] = reached
+    for row in rows:
+        row["not_finite"] = reached * (row["fault"] == "pose_nan")
     return rows
 
 

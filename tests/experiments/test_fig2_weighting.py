@@ -16,7 +16,8 @@ def row(preset, seed, condition, model, **measures):
     values = {"to_best": 0.4, "to_average": 0.1, "missed": 0.0, "plain_to_weighted": 0.1, "ignores": False}
     common = condition == "the start"
     values |= {"preset": preset, "seed": seed, "condition": condition, "common": common, "model": model}
-    return values | {"to_route": None if common else 0.02} | measures
+    values["missed"] += 0.001 * seed
+    return values | {"to_route": None if common else 0.02 + 0.001 * seed} | measures
 
 
 def made_up(**changed):
@@ -54,7 +55,7 @@ def test_a_path_that_misses_a_point_counts_against_the_claim(missed, verdict):
     claims = weighting.claims(made_up(missed=missed))
     assert [claim.verdict for claim in claims[:3]] == ["holds"] * 3
     assert claims[3].verdict == verdict
-    assert claims[3].estimate.mean == pytest.approx(0.05 - missed / 6)
+    assert claims[3].estimate.mean == pytest.approx(0.05 - missed / 6 - 0.0025, abs=0.002)
 
 
 def test_a_repeated_task_gives_the_same_rows_and_the_report_shows_them(short_training, run_plan, tiny):

@@ -54,9 +54,9 @@ def test_verdicts_follow_from_the_rows():
         {
             "preset": preset,
             "learner": index,
-            "weight_where_ambiguous": 0.9,
+            "weight_where_ambiguous": 0.9 - 0.002 * index,
             "weight_where_clear": clear + 0.001 * index,
-            "area": area,
+            "area": area - 0.001 * index,
             "clock_area": 0.8,
         }
         for preset, clear, area in (("paper", 0.88, 0.5), ("default", 0.1, 1.0))

@@ -59,7 +59,8 @@ def made_up(size, **shifts):
                 for setup, arm in second_learners.conditions_of(given["setups"], given["arms"]):
                     cell = {"preset": given["preset"], "operator": operator, "arm": arm, "repeat": repeat}
                     trial = row(setup, **cell)
-                    trial["disagreement"] += rng.normal(0.0, 5.0)
+                    for name, noise in {"disagreement": 5.0, "human_effort": 0.5, "clearance": 0.002}.items():
+                        trial[name] += rng.normal(0.0, noise)
                     for name, shift in shifts.items() if setup == "human" else ():
                         trial[name] += shift
                     rows.append(trial)
@@ -204,8 +205,8 @@ def test_differences_are_positive_where_setup_1_is_better():
     shifts = {"disagreement": 40.0, "human_effort": -5.0, "clearance": -0.05}
     found = {one.measure: one for one in compare(repeat_means(made_up(QUICK, **shifts)))}
     assert found["disagreement"].estimate.mean == pytest.approx(40.0, abs=5.0)
-    assert found["human_effort"].estimate.mean == pytest.approx(-5.0)
-    assert found["clearance"].estimate.mean == pytest.approx(0.05)
+    assert found["human_effort"].estimate.mean == pytest.approx(-5.0, abs=0.5)
+    assert found["clearance"].estimate.mean == pytest.approx(0.05, abs=0.002)
     assert [found[name].verdict for name in ("disagreement", "human_effort", "clearance")] == [
         "holds",
         "reversed",
@@ -221,9 +222,9 @@ def test_verdicts_follow_from_the_rows(shift, verdict):
     assert all(claim.estimate.count == QUICK.repeats for claim in claims)
     assert sum(f": {verdict}" in paragraph for paragraph in section.text) == 2
     assert any(paragraph.startswith("With 10 repeats") for paragraph in section.text)
-    # The human weight never differs; the rule of three bounds how often it may.
-    assert any("mean human weight" in text and "up to 30% of repeats" in text for text in section.text)
-    assert [claim.verdict for claim in claims_of(section, "Mean human weight")] == ["equivalent"] * 2
+    # The human weight never differs; how often it may is bounded.
+    assert any("mean human weight" in text and "up to 26% of repeats" in text for text in section.text)
+    assert [claim.verdict for claim in claims_of(section, "Mean human weight")] == ["open"] * 2
 
 
 def test_a_full_report_contains_all_operators_arms_and_the_control():
@@ -250,5 +251,5 @@ def test_more_operators_widen_the_adjusted_interval_of_the_primary_one():
     )
     assert few.measure == many.measure == "disagreement"
     assert few.plain == many.plain
-    assert few.p < many.p
+    assert few.claim.p <= many.claim.p
     assert many.estimate.low < few.estimate.low

@@ -99,22 +99,26 @@ def test_only_one_arm_has_authority(results):
     assert not np.allclose(weights["on"], weights["off"])
 
 
-def rows_of_six_learners(results):
-    """Three copies of the rows of both learners: with fewer than six there is no verdict."""
-    return [{**row, "learner": row["learner"] + 2 * copy} for copy in range(3) for row in rows_of(results)]
+def rows_of_20_learners(results):
+    """Ten copies of the rows of both learners."""
+    return [{**row, "learner": row["learner"] + 2 * copy} for copy in range(10) for row in rows_of(results)]
+
+
+def success(share, row):
+    return share + 0.005 * (row["learner"] % 5)
 
 
 def test_verdicts_follow_from_the_rows(results):
-    rows = rows_of_six_learners(results)
+    rows = rows_of_20_learners(results)
     for row in rows:
-        row.update(intent_success=True, collision=False)
+        row.update(intent_success=success(0.97, row), collision=False)
     assert {claim.verdict for claim in mispredictions.claims(rows)} == {"holds"}
     guarded = [row for row in rows if row["arm"] == "on" and row["preset"] == "paper"]
     guarded[0]["collision"] = True
     *_, routes, obstacles, default_routes, default_obstacles = mispredictions.claims(rows)
-    assert [one.verdict for one in (routes, obstacles)] == ["reversed", "holds"]
+    assert [one.verdict for one in (routes, obstacles)] == ["open", "holds"]
     assert [one.verdict for one in (default_routes, default_obstacles)] == ["holds", "holds"]
-    assert "1 of 24 trials" in routes.text
+    assert "1 of 80 trials" in routes.text
     key = {name: guarded[0][name] for name in ("case", "operator", "learner", "seed")}
     (alone,) = (row for row in rows if row["arm"] == "human" and key.items() <= row.items())
     alone["collision"] = True
@@ -122,9 +126,9 @@ def test_verdicts_follow_from_the_rows(results):
 
 
 def test_a_claim_does_not_hold_below_the_required_success(results):
-    rows = rows_of_six_learners(results)
+    rows = rows_of_20_learners(results)
     for row in rows:
-        row["intent_success"] = row["case"] in ("unseen", "changed")
+        row["intent_success"] = success(0.97 if row["case"] in ("unseen", "changed") else 0.9, row)
     verdicts = {claim.text: claim.verdict for claim in mispredictions.claims(rows) if "Intent" in claim.text}
     assert len(verdicts) == 8
     for text, verdict in verdicts.items():
