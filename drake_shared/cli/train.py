@@ -54,6 +54,9 @@ class Train(Command):
     calibration: Calibration = "percentile"
     """How K is found: from the 95th percentile of the variance along the demonstrations, or the largest, as
     in the paper."""
+    device: Literal["cpu", "cuda", "auto"] = "cpu"
+    """Where networks are trained: "cuda" is a GPU (untested), "auto" a GPU if there is one. Another device
+    gives other bits."""
     show_weights: Path | None = None
     """Write a figure of scores and sampling weights here (PNG), as in the paper's Fig. 5."""
     json: bool = False
@@ -124,6 +127,8 @@ class Train(Command):
             changes["score_width"] = self.score_width
         if self.calibration != "percentile":
             changes["calibration"] = self.calibration
+        if self.device != "cpu":
+            changes["device"] = self.device
         return changes
 
     def _read(self) -> Demonstrations:

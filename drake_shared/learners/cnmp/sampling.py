@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -13,26 +14,23 @@ from torch import Tensor
 from drake_shared.learners.augmentation import low_frequency_basis, make_neighborhoods, unexplained
 from drake_shared.learners.cnmp.parameters import TrainingParameters
 
-HOLD_OUT_FROM, HELD_OUT = 60, 0.1
-"""From so many demonstrations on, this share of them is held out."""
 SAMPLES_AT_ONCE = 128
 """Sampling one costs as much as sampling a hundred: so many are sampled at a time, for one batch or more."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Batch:
+class Batch(NamedTuple):
     """For each of E learners B samples with M observations in all and Q queries each, normalized.
 
     Attributes:
         observations: Shape (E, M, F + D), time features and position.
-        sample_index: Shape (M,), the sample that each observation belongs to, ascending.
+        samples: Which sample each observation belongs to; see `drake_shared.learners.cnmp.network.aggregate`.
         queries: Shape (Q, F), time features.
         truth: Shape (E, B, Q, D), positions at the queries.
         weights: Shape (E, B, 1, 1), of each sample in the mean's loss; 1 on average.
     """
 
     observations: Tensor
-    sample_index: Tensor
+    samples: Tensor
     queries: Tensor
     truth: Tensor
     weights: Tensor
@@ -63,14 +61,24 @@ class Sampler:
 
     Args:
         tasks: Data of each learner, on one grid.
-        features: Shape (N, F), time features of the grid.
+        features: Shape (N, F), time features of the grid, on the device of the samples.
         parameters: Of the training.
+        padded: Whether every sample is padded to the largest number of observations, so that all batches have
+            one shape.
     """
 
-    def __init__(self, tasks: Sequence[TaskData], features: Tensor, parameters: TrainingParameters) -> None:
+    def __init__(
+        self,
+        tasks: Sequence[TaskData],
+        features: Tensor,
+        parameters: TrainingParameters,
+        *,
+        padded: bool = False,
+    ) -> None:
         self._parameters = parameters
         self._features = features
-        self._samplers = [_LearnerSampler(task, parameters) for task in tasks]
+        self._padded = padded
+        self._samplers = [_LearnerSampler(task, parameters, features.device) for task in tasks]
         self._batches = self._sample()
 
     def sample(self) -> Batch:
@@ -83,7 +91,8 @@ class Sampler:
         self._batches = self._sample()
 
     def _sample(self) -> Iterator[Batch]:
-        p, steps = self._parameters, len(self._features)
+        p, steps, device = self._parameters, len(self._features), self._features.device
+        # Of little work, and on a processor the order of its numbers is known without waiting.
         generator = torch.Generator().manual_seed(0)
         batches = max(1, SAMPLES_AT_ONCE // p.batch)
         rows = batches * p.batch
@@ -92,20 +101,26 @@ class Sampler:
             number[:, : int(p.single_share * p.batch)] = 1
             # torch's own repeat_interleave takes a third of the time of a whole iteration.
             index = torch.from_numpy(np.repeat(np.arange(rows), number.flatten().numpy()))
-            when = torch.randint(steps, (len(index),), generator=generator)
-            queries = torch.randint(steps, (batches, p.queries), generator=generator)
-            sampled = [sampler.sample(rows, index, when) for sampler in self._samplers]
+            when = torch.randint(steps, (len(index),), generator=generator).to(device)
+            queries = torch.randint(steps, (batches, p.queries), generator=generator).to(device)
+            sampled = [sampler.sample(rows, index.to(device), when) for sampler in self._samplers]
             paths, observed, weights = (torch.stack(parts) for parts in zip(*sampled, strict=True))
             features = self._features[when].expand(len(observed), -1, -1)
             observations = torch.cat([features, observed], dim=-1)
+            if self._padded:
+                present = torch.arange(p.observations) < number.flatten()[:, None]
+                shape = (len(observed), present.numel(), observations.shape[-1])
+                places = present.flatten().nonzero()[:, 0].to(device)
+                observations = observations.new_zeros(shape).index_copy_(1, places, observations)
+                present = present.to(device, torch.float32)
             end = 0
             for batch, count in enumerate(number.sum(dim=1).tolist()):
-                begin, end = end, end + count
+                begin, end = end, end + (p.batch * p.observations if self._padded else count)
                 first = batch * p.batch
                 chosen = slice(first, first + p.batch)
                 yield Batch(
                     observations=observations[:, begin:end],
-                    sample_index=index[begin:end] - first,
+                    samples=present[chosen] if self._padded else index[begin:end] - first,
                     queries=self._features[queries[batch]],
                     truth=paths[:, chosen, queries[batch]],
                     weights=weights[:, chosen, None, None],
@@ -115,56 +130,54 @@ class Sampler:
 class _LearnerSampler:
     """Samples demonstrations and noise of one learner."""
 
-    def __init__(self, task: TaskData, parameters: TrainingParameters) -> None:
+    def __init__(self, task: TaskData, parameters: TrainingParameters, device: torch.device) -> None:
+        def tensor(values: NDArray[np.float64]) -> Tensor:
+            return torch.tensor(values, dtype=torch.float32, device=device)
+
         paths, weights = task.paths, task.weights
         self._even = parameters.even_spread
-        self._paths = torch.tensor(paths, dtype=torch.float32)
-        self._weights = torch.tensor(weights * len(weights), dtype=torch.float32)
+        self._device = device
+        self._paths = tensor(paths)
+        self._weights = tensor(weights * len(weights))
         self._noise = parameters.noise * task.unit
-        self._generator = torch.Generator().manual_seed(task.seed)
+        self._generator = torch.Generator(device).manual_seed(task.seed)
         self._neighbors: Tensor | None = None
         if parameters.blending > 0.0:
             reach = parameters.blending * task.unit
             neighbors, gains = make_neighborhoods(paths, reach=reach, widening=parameters.widening)
-            self._neighbors = torch.tensor(neighbors, dtype=torch.float32)
-            self._spreads = torch.tensor(np.sqrt(neighbors) * gains[:, None], dtype=torch.float32)
+            self._neighbors = tensor(neighbors)
+            self._spreads = tensor(np.sqrt(neighbors) * gains[:, None])
             sigma = parameters.wandering * task.unit * unexplained(neighbors)
-            self._low_frequency = torch.tensor(sigma, dtype=torch.float32)
-            self._basis = torch.tensor(low_frequency_basis(paths.shape[1]), dtype=torch.float32)
+            self._low_frequency = tensor(sigma) if sigma.any() else None
+            self._basis = tensor(low_frequency_basis(paths.shape[1]))
 
     def sample(self, rows: int, index: Tensor, when: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Demonstrations (rows, N, D), observations of those at ``index`` (M, D), and weights (rows,)."""
         generator = self._generator
         if self._even:
-            chosen = torch.randint(len(self._paths), (rows,), generator=generator)
+            chosen = torch.randint(len(self._paths), (rows,), generator=generator, device=self._device)
             weights = self._weights[chosen]
         else:
             chosen = torch.multinomial(self._weights, rows, replacement=True, generator=generator)
-            weights = torch.ones(rows)
+            weights = torch.ones(rows, device=self._device)
         paths = self._augmented(chosen)
         observed = paths[index, when]
         if self._noise > 0.0:
-            observed = observed + self._noise * torch.randn(observed.shape, generator=generator)
+            observed = observed + self._noise * self._normal(*observed.shape)
         return paths, observed, weights
 
     def _augmented(self, chosen: Tensor) -> Tensor:
         """New demonstrations of the route of each of those chosen, (rows, N, D); see `make_neighborhoods`."""
         if self._neighbors is None:
             return self._paths[chosen]
-        deviations = torch.randn((len(chosen), len(self._paths)), generator=self._generator)
+        deviations = self._normal(len(chosen), len(self._paths))
         deviations *= self._spreads[chosen]
         parts = self._neighbors[chosen] * (1.0 - deviations.sum(dim=1, keepdim=True)) + deviations
         paths = (parts @ self._paths.flatten(start_dim=1)).view(len(chosen), *self._paths.shape[1:])
-        if (self._low_frequency > 0.0).any():
-            shape = (paths.shape[-1], len(chosen), len(self._basis))
-            amounts = torch.randn(shape, generator=self._generator)
+        if self._low_frequency is not None:
+            amounts = self._normal(paths.shape[-1], len(chosen), len(self._basis))
             paths += (self._low_frequency[chosen, None] * (amounts @ self._basis)).permute(1, 2, 0)
         return paths
 
-
-def hold_out(count: int, seed: int) -> NDArray[np.bool_]:
-    """Which of ``count`` demonstrations are held out, shape (m,): a tenth, if there are 60 or more."""
-    chosen = np.zeros(count, dtype=bool)
-    if count >= HOLD_OUT_FROM:
-        chosen[np.random.default_rng(seed).permutation(count)[: round(HELD_OUT * count)]] = True
-    return chosen
+    def _normal(self, *shape: int) -> Tensor:
+        return torch.randn(shape, generator=self._generator, device=self._device)

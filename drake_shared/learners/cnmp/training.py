@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
-from typing import Any, TypedDict, Unpack
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 import torch
@@ -25,9 +25,12 @@ from drake_shared.learners.heap import kept_memory
 
 RESERVED = 0.05
 """Share of the seconds given that is reserved for what is not iterations: data, calibration."""
+MAX_TOGETHER = 20
+"""Networks trained in one batched computation on a processor: what they compute with stays in its cache."""
 SEED_STEP = 7919
 """Between the seeds of successive attempts, so that those of neighbouring seeds differ."""
 
+Device = Literal["cpu", "cuda", "auto"]
 OnCheckpoint = Callable[[int, int, float, CnmpLearner], None]
 """Takes the index of a learner, the iterations done, the running mean loss in nats per point with positions
 in m, and the learner as it is then, with its own K."""
@@ -48,6 +51,8 @@ class Options(TypedDict, total=False):
         parameters: In place of the preset's.
         score_width: In place of the preset's.
         calibration: How K is found; see `calibrate`.
+        device: "cpu"; "cuda", a GPU; or "auto", a GPU if there is one. Each gives the same bits every time,
+            but not those of the other.
         begun: When the seconds began to count, by `time.perf_counter`; default: now.
     """
 
@@ -59,6 +64,7 @@ class Options(TypedDict, total=False):
     parameters: TrainingParameters | None
     score_width: float | None
     calibration: Calibration
+    device: Device
     begun: float
 
 
@@ -158,6 +164,7 @@ class Plan:
         seconds: Its limit, if any.
         progress: See `Options`.
         calibration: See `Options`.
+        device: "cpu" or "cuda".
     """
 
     parameters: TrainingParameters
@@ -165,6 +172,7 @@ class Plan:
     seconds: float | None
     progress: Progress | None
     calibration: Calibration
+    device: str
 
     @classmethod
     def make(cls, *, seed: int, **options: Unpack[Options]) -> Plan:
@@ -198,6 +206,7 @@ class Plan:
             seconds=seconds,
             progress=options.get("progress"),
             calibration=calibration,
+            device=find_device(options.get("device", "cpu")),
         )
 
     @property
@@ -228,39 +237,54 @@ def fit(
         on_checkpoint: Is called after as many, for each network, with the index of its dataset, what is
             returned of it, the iterations, and the running mean loss.
     """
+    # Under a time limit groups would have to share it.
+    together = plan.device == "cuda" or plan.seconds is not None
+    groups = 1 if together else math.ceil(len(datasets) / MAX_TOGETHER)
     found: dict[int, Trained] = {}
-    waiting = list(range(len(datasets)))
-    for restarts in range(plan.parameters.restarts + 1):
-        run = Optimization(
-            [datasets[index] for index in waiting],
-            plan.parameters,
-            [seeds[index] + SEED_STEP * restarts for index in waiting],
-        )
-        may_give_up = restarts < plan.parameters.restarts
-        found |= {index: (run, place, restarts) for place, index in enumerate(waiting)}
-        report = None if on_checkpoint is None else partial(_report, on_checkpoint, waiting, found)
-        run.run(
-            deadline=plan.deadline,
-            progress=plan.progress,
-            may_give_up=may_give_up,
-            checkpoints=checkpoints,
-            on_checkpoint=report,
-        )
-        waiting = [index for place, index in enumerate(waiting) if run.ignores_observations[place]]
-        if not waiting:
-            break
+
+    def progress(done: int, planned: int, loss: float) -> None:
+        if plan.progress is not None:
+            plan.progress(group * planned + done, groups * planned, loss)
+
+    def report(place: int, step: int, loss: float) -> None:
+        if on_checkpoint is not None:
+            on_checkpoint(waiting[place], found[waiting[place]], step, loss)
+
+    for group in range(groups):
+        waiting = list(range(len(datasets)))[group::groups]
+        for restarts in range(plan.parameters.restarts + 1):
+            run = Optimization(
+                [datasets[index] for index in waiting],
+                plan.parameters,
+                [seeds[index] + SEED_STEP * restarts for index in waiting],
+                plan.device,
+            )
+            found |= {index: (run, place, restarts) for place, index in enumerate(waiting)}
+            run.run(
+                deadline=plan.deadline,
+                progress=progress,
+                may_give_up=restarts < plan.parameters.restarts,
+                checkpoints=checkpoints,
+                on_checkpoint=report,
+            )
+            waiting = [index for place, index in enumerate(waiting) if run.ignores_observations[place]]
+            if not waiting:
+                break
     return [found[index] for index in range(len(datasets))]
 
 
-def _report(
-    on_checkpoint: Callable[[int, Trained, int, float], None],
-    indices: Sequence[int],
-    found: Mapping[int, Trained],
-    place: int,
-    step: int,
-    loss: float,
-) -> None:
-    on_checkpoint(indices[place], found[indices[place]], step, loss)
+def find_device(name: str) -> str:
+    """The device that "cpu", "cuda" or "auto" stands for.
+
+    Raises:
+        InputError: It is another name, or there is no such device.
+    """
+    if name not in get_args(Device):
+        raise InputError("train", "device", f"must be one of {', '.join(get_args(Device))}", repr(name))
+    available = torch.cuda.is_available()
+    if name == "cuda" and not available:
+        raise InputError("train", "device", "must be cpu or auto: this machine has no CUDA GPU", name)
+    return "cuda" if available and name != "cpu" else "cpu"
 
 
 @contextlib.contextmanager

@@ -29,7 +29,7 @@ def torch_prediction(run: Optimization, learner: CnmpLearner, times, positions, 
     seen = np.concatenate([features, (positions - interpolated(times)) / model.scale], axis=1)
     queries_features = features_of(queries)
     with torch.no_grad():
-        mean, spread = run._predict(
+        mean, spread = run.objective.predict(
             torch.tensor(seen, dtype=torch.float32)[None],
             torch.zeros(len(times), dtype=torch.long),
             torch.tensor(queries_features, dtype=torch.float32),
@@ -43,7 +43,7 @@ def torch_prediction(run: Optimization, learner: CnmpLearner, times, positions, 
 def test_numpy_predicts_what_torch_predicts(two_ways, preset, count):
     run = Optimization([make_dataset(two_ways)], PRESETS[preset], seeds=[3])
     for fraction in np.linspace(0.0, 1.0, 20):
-        run._step(float(fraction))
+        run.step(1e-3, 0.5, float(fraction))
     learner = run.export(0)
     rng = np.random.default_rng(count)
     steps = rng.integers(0, 41, count)

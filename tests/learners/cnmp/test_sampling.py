@@ -8,6 +8,8 @@ import torch
 
 from drake_shared.learners import PRESETS
 from drake_shared.learners.augmentation import low_frequency_basis
+from drake_shared.learners.cnmp.loss import Objective
+from drake_shared.learners.cnmp.network import CnmpNetworks
 from drake_shared.learners.cnmp.sampling import Batch, Sampler, TaskData
 
 STEPS = 11
@@ -55,7 +57,7 @@ def test_the_default_samples_evenly_and_weights_the_mean():
 
 def test_a_share_of_each_batch_has_one_observation():
     batch = sampler("default", batch=1_000, single_share=0.4, observations=5).sample()
-    counts = torch.bincount(batch.sample_index)
+    counts = torch.bincount(batch.samples)
     assert len(counts) == 1_000
     assert (counts[:400] == 1).all()
     assert counts.min() == 1
@@ -93,3 +95,31 @@ def test_low_frequency_noise_falls_with_the_number_of_demonstrations_of_a_route(
     asked = batch.queries[:, 0].long().numpy()
     expected = 0.04 * share * np.square(low_frequency_basis(STEPS)).sum(axis=0)[asked]
     np.testing.assert_allclose(strays.var(dim=0), expected, rtol=0.1, atol=1e-6)
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_a_padded_batch_has_the_loss_and_the_gradient_of_the_plain_one(preset):
+    """Padding gives all batches one shape, as a GPU needs; it counts for nothing."""
+    parameters = PRESETS[preset]
+    features = torch.rand((STEPS, 1 + 2 * parameters.harmonics), generator=torch.Generator().manual_seed(0))
+    tasks = [TaskData(paths=PATHS, weights=WEIGHTS, unit=1.0, seed=seed) for seed in (0, 1)]
+    samplers = [Sampler(tasks, features, parameters, padded=padded) for padded in (False, True)]
+    networks = CnmpNetworks(
+        features=features.shape[1],
+        positions=2,
+        encoder=parameters.encoder,
+        aggregation=parameters.aggregation,
+        decoder=parameters.decoder,
+        seeds=[0, 1],
+    )
+    objective = Objective(networks, torch.ones((2, 2)), parameters.position_scale)
+    for plain, padded in zip(*(draws(made, 3) for made in samplers), strict=True):
+        assert padded.observations.shape[1] == parameters.batch * parameters.observations
+        assert plain.observations.shape[1] < padded.observations.shape[1]
+        found = []
+        for batch, beta in ((plain, 0.5), (padded, torch.tensor(0.5))):
+            loss, nll = objective(*batch, torch.full((2, 1, 1, 1), 0.1), beta)
+            gradients = torch.autograd.grad(loss, list(objective.parameters()))
+            found.append([nll, *gradients])
+        for one, other in zip(*found, strict=True):
+            torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-6)

@@ -4,11 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+import torch
 
 from drake_shared.common.errors import InputError, RunError
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import PRESETS, calibrate, train
-from drake_shared.learners.cnmp.training import train_together
+from drake_shared.learners.cnmp.training import MAX_TOGETHER, train_together
 from drake_shared.learners.loss_threshold import early_stop, loss_threshold
 
 QUICK = 60
@@ -90,7 +91,7 @@ def test_a_limit_on_iterations_ends_a_training_before_its_threshold(paper_learne
 def test_time_that_is_over_ends_a_training_before_its_threshold(two_ways):
     record = train(two_ways, preset="paper", seconds=0.5).metadata["training"]
     assert not record["reached_threshold"]
-    assert record["seconds"] < 1.5
+    assert record["iterations"] < PRESETS["paper"].iterations
 
 
 def test_a_narrow_density_over_scores_draws_the_best_demonstration_more_often(make_bows):
@@ -150,7 +151,6 @@ def test_the_record_holds_iterations_seed_data_and_versions(two_ways):
 def test_seconds_determine_iterations_that_reproduce_the_learner(two_ways):
     timed = train(two_ways, seconds=0.8)
     record = timed.metadata["training"]
-    assert record["seconds"] < 1.6
     assert record["seconds_allowed"] == 0.8
     if record["iterations"] == record["planned"]:
         again = train(two_ways, iterations=record["iterations"])
@@ -221,12 +221,47 @@ def test_one_demonstration_gives_full_confidence_on_it_and_none_beside_it(make_b
         ({"score_width": 0.0}, "width must be positive"),
         ({"calibration": "mean"}, "calibration must be one of percentile, largest"),
         ({"seed": -1}, "seed must be 0 or more"),
+        ({"device": "tpu"}, "device must be one of cpu, cuda, auto"),
         ({"duration": -1.0}, "duration must be positive"),
     ],
 )
 def test_invalid_arguments_are_refused(two_ways, options, message):
     with pytest.raises(InputError, match=message):
         train(two_ways, **options)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_without_a_gpu_auto_is_the_cpu_and_cuda_is_refused(two_ways):
+    plain, automatic = (train(two_ways, iterations=5, device=device) for device in ("cpu", "auto"))
+    assert automatic.metadata["training"]["device"] == "cpu"
+    query = ([1.0], [[1.0, 0.7]], plain.grid)
+    np.testing.assert_array_equal(plain.predict(*query), automatic.predict(*query))
+    with pytest.raises(InputError) as caught:
+        train(two_ways, device="cuda")
+    assert caught.value.field == "device"
+
+
+def test_many_learners_are_trained_in_groups_with_the_results_of_each_alone(make_bows):
+    count = MAX_TOGETHER + 1
+    tasks = [make_bows([height, -height]) for height in np.linspace(0.5, 1.5, count)]
+    parameters = dataclasses.replace(PRESETS["default"], batch=4, encoder=(8, 8), decoder=(8,), restarts=0)
+    seen, reported = [], []
+    learners = train_together(
+        tasks,
+        list(range(count)),
+        parameters=parameters,
+        iterations=3,
+        progress=lambda done, planned, _: seen.append(done / planned),
+        checkpoints=[2],
+        on_checkpoint=lambda index, *_: reported.append(index),
+    )
+    assert sorted(reported) == list(range(count))
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    for index in (0, count - 1):
+        alone = train(tasks[index], parameters=parameters, iterations=3, seed=index)
+        shown = ([1.0], [[1.0, 0.7]], alone.grid)
+        np.testing.assert_allclose(learners[index].predict(*shown), alone.predict(*shown), atol=1e-4)
 
 
 def test_a_score_that_is_nan_is_refused(make_bows):
