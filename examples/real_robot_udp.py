@@ -32,7 +32,7 @@ from drake_shared import (
     load_scenario,
 )
 from drake_shared.cockpit import CockpitServer, DriverLock, describe_now, describe_scene, start_meshcat
-from drake_shared.simulation.scene_drawing import draw_scene, look_from_above
+from drake_shared.simulation.scene_drawing import center_scene
 from drake_shared.systems.driver_presence import DriverPresence
 from drake_shared.systems.pose_watchdog import PoseWatchdog
 
@@ -95,8 +95,7 @@ def main() -> None:
     simulator = Simulator(builder.Build())
     context = simulator.get_context()
 
-    draw_scene(meshcat, scenario)
-    look_from_above(meshcat, scenario)
+    center_scene(meshcat, scenario)
     meshcat.SetObject("robot", Cylinder(0.2, 0.1), Rgba(0.2, 0.2, 0.2))
     interrupted = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: interrupted.set())

@@ -1,11 +1,14 @@
-"""A trial as a self-contained Meshcat page: the robot, its path, and the prediction over time."""
+"""A trial as a self-contained page: the scene of the cockpit with a player."""
 
 from __future__ import annotations
 
 import html
 import json
+import math
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,25 +24,32 @@ from pydrake.geometry import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_shared.analysis.metrics import metrics
+from drake_shared.analysis.scene_data import describe_routes, describe_task
 from drake_shared.common.files import replacing
 from drake_shared.learners import Learner
-from drake_shared.learners.no_learner import NoLearner
 from drake_shared.robots.description import require_diff_drive
 from drake_shared.robots.illustration import register_robot
-from drake_shared.scenario import scenario_from_dict
-from drake_shared.scenario.obstacles import register_obstacles
-from drake_shared.simulation.scene_drawing import GHOST, draw_path, draw_scene, look_from_above
+from drake_shared.scenario import Scenario, scenario_from_dict
+from drake_shared.scenario.obstacles import position_at, register_obstacles
+from drake_shared.simulation.scene_drawing import center_scene
 from drake_shared.simulation.trial import Trial
 from drake_shared.systems.intention_estimator import IntentionEstimator
-from drake_shared.systems.intention_visualizer import IntentionVisualizer
 from drake_shared.systems.log_playback import LogPlayback
 from drake_shared.systems.moving_obstacles import AddMovingObstacles
+from drake_shared.systems.route_ribbons import route_ribbons
 
-# In the corner of the page, above the scene.
-_NOTE = (
-    "position:fixed;top:12px;left:12px;z-index:1000;padding:6px 10px;border-radius:4px;"
-    "background:#b3261e;color:#fff;font:600 15px sans-serif;pointer-events:none"
+# The page's own files, which this page shares; each module after those that it imports.
+_PAGE = Path(__file__).parents[1] / "cockpit" / "page"
+_MODULES = (
+    *("scene_theme", "scene_task", "scene_ink", "scene_floor", "scene_routes", "scene_trail", "scene_robot"),
+    *("scene_labels", "scene_views", "readback_canvas", "render_throttle", "scene", "replay_chart", "replay"),
 )
+_STYLES = ("scene.css", "replay.css")
+_IMPORT = re.compile(r'^import (\{.*?\}) from "\./(\w+)\.js";$', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?:class|function|const) (\w+)", re.MULTILINE)
+# Rows of the log between two predictions that are shown, and digits of what is written.
+_ROWS, _DIGITS = 2, 4
 
 
 def write_replay(
@@ -52,7 +62,8 @@ def write_replay(
 ) -> None:
     """Writes ``trial`` as a self-contained HTML page.
 
-    The element ``trial`` of the page holds the trial's metadata, without its scenario, as JSON.
+    The element ``trial`` of the page holds the trial's metadata, without its scenario, as JSON; the element
+    ``replay`` what the page shows.
 
     Args:
         trial: A trial of a differential drive.
@@ -64,56 +75,147 @@ def write_replay(
     Raises:
         InputError: The page cannot be written, the log's scenario is invalid, or the robot is another one.
     """
-    robot = require_diff_drive(trial.metadata, "to be drawn")
+    require_diff_drive(trial.metadata, "to be drawn")
     scenario = scenario_from_dict(trial.metadata["scenario"], source="the log's scenario")
-    meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
-    draw_scene(meshcat, scenario)
-    look_from_above(meshcat, scenario)
-    draw_path(meshcat, trial.positions)
-    if recorded is not None:
-        draw_path(meshcat, recorded, "recorded_path", GHOST)
+    shown = {
+        "task": describe_task(scenario),
+        "scenario": scenario.name,
+        "learner": trial.metadata.get("learner"),
+        "driver": trial.metadata.get("mode"),
+        "status": trial.status,
+        "measures": _measures(trial),
+        "rows": _rows(trial),
+        "moving": _moving(scenario, trial["t"]),
+        "routes": [] if learner is None else _routes(trial, scenario, learner),
+        "every": _ROWS,
+        "recorded": [] if recorded is None else np.round(recorded[:, :2], _DIGITS).tolist(),
+        "note": note,
+    }
+    metadata = {name: value for name, value in trial.metadata.items() if name != "scenario"}
+    page = _assembled(_meshcat_page(scenario), shown, metadata, note)
+    with replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
 
+
+def _meshcat_page(scenario: Scenario) -> str:
+    """Meshcat's own page with robot and obstacles."""
+    meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+    center_scene(meshcat, scenario)
     builder = DiagramBuilder()
     scene_graph = builder.AddSystem(SceneGraph())
     register_obstacles(scene_graph, scenario.static_obstacles)
     AddMovingObstacles(builder, scene_graph, scenario.obstacles)
     source, frame = register_robot(scene_graph, scenario.robot.model_path())
-    rows = {"pose": np.column_stack([trial[name] for name in robot.configuration_names])}
-    rows |= {"human_weight": trial["human_weight"]}
-    rows |= {f"{who}_command": trial.commands(who) for who in ("human", "autonomous", "shared")}
-    playback = builder.AddSystem(LogPlayback(times=trial["t"], rows=rows, frame=frame))
-    period = scenario.control_period
-    estimator = builder.AddSystem(
-        IntentionEstimator(
-            learner=learner or NoLearner(scenario.duration), robot=scenario.robot, period=period
-        )
-    )
-    visualizer = builder.AddSystem(
-        IntentionVisualizer(meshcat=meshcat, robot=scenario.robot, period=2 * period)
-    )
+    start = [[scenario.start.x, scenario.start.y, scenario.start.yaw]]
+    playback = builder.AddSystem(LogPlayback(times=[0.0], rows={"pose": start}, frame=frame))
     builder.Connect(playback.GetOutputPort("geometry_pose"), scene_graph.get_source_pose_port(source))
-    for name in ("pose", "human_command"):
-        builder.Connect(playback.GetOutputPort(name), estimator.GetInputPort(name))
-    builder.Connect(estimator.GetOutputPort("intention"), visualizer.GetInputPort("intention"))
-    for name in rows:
-        builder.Connect(playback.GetOutputPort(name), visualizer.GetInputPort(name))
-    illustration = MeshcatVisualizerParams(role=Role.kIllustration, prefix="scene", publish_period=period)
+    illustration = MeshcatVisualizerParams(role=Role.kIllustration, prefix="scene")
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, illustration)
+    diagram = builder.Build()
+    diagram.ForcedPublish(diagram.CreateDefaultContext())
+    page: str = meshcat.StaticHtml()
+    return page
+
+
+def _routes(trial: Trial, scenario: Scenario, learner: Learner) -> list[list[dict[str, Any]]]:
+    """The predicted routes at every second row, from the recorded poses and human commands."""
+    robot, times = scenario.robot, trial["t"]
+    rows = {
+        "pose": np.column_stack([trial[name] for name in robot.configuration_names]),
+        "human_command": trial.commands("human"),
+    }
+    builder = DiagramBuilder()
+    playback = builder.AddSystem(LogPlayback(times=times, rows=rows))
+    estimator = builder.AddSystem(
+        IntentionEstimator(learner=learner, robot=robot, period=scenario.control_period)
+    )
+    for name in rows:
+        builder.Connect(playback.GetOutputPort(name), estimator.GetInputPort(name))
     simulator = Simulator(builder.Build())
-    meshcat.StartRecording(frames_per_second=1 / period, set_visualizations_while_recording=False)
-    simulator.AdvanceTo(float(trial["t"][-1]))
-    meshcat.StopRecording()
-    meshcat.PublishRecording()
-    with replacing(path) as temporary:
-        temporary.write_text(_annotated(meshcat.StaticHtml(), trial.metadata, note), encoding="utf-8")
+    context = estimator.GetMyContextFromRoot(simulator.get_context())
+    shown = []
+    for index in range(0, len(times), _ROWS):
+        simulator.AdvanceTo(float(times[index]))
+        intention = estimator.get_intention_output_port().Eval(context)
+        modes = estimator.GetOutputPort("modes").Eval(context)
+        position = robot.position(rows["pose"][index].tolist())
+        shown.append(describe_routes(route_ribbons(intention, modes, position=position, robot=robot)))
+    return shown
 
 
-def _annotated(page: str, metadata: Mapping[str, Any], note: str) -> str:
-    text = json.dumps({name: value for name, value in metadata.items() if name != "scenario"})
-    # Only this sequence ends a script element.
-    text = text.replace("</", "<\\/")
-    extra = f'<script type="application/json" id="trial">{text}</script>\n'
+def _rows(trial: Trial) -> dict[str, list[Any]]:
+    names = ["t", "human_weight", "confidence", "clearance", "contact"]
+    columns = {name: _numbers(trial[name]) for name in names if name in trial.columns}
+    columns["pose"] = _numbers(np.column_stack([trial[name] for name in ("x", "y", "yaw")]))
+    for who in ("human", "autonomous", "shared"):
+        columns[who] = _numbers(trial.commands(who))
+    return columns
+
+
+def _moving(scenario: Scenario, times: NDArray[np.float64]) -> dict[str, list[Any]]:
+    """Positions over time, in [m], of the obstacles that move, by their path in Meshcat's tree."""
+    return {
+        f"/drake/scene/moving_obstacles/{item.name}": _numbers(
+            np.array([position_at(item, time) for time in times.tolist()])
+        )
+        for item in scenario.obstacles
+        if item.path
+    }
+
+
+def _measures(trial: Trial) -> dict[str, Any]:
+    values = metrics(trial)
+    names = ("collision", "mean_human_weight", "clearance", "path_length")
+    end = float(trial["t"][-1]) if len(trial["t"]) else 0.0
+    return {"time": round(end, _DIGITS)} | {name: _number(values.get(name)) for name in names}
+
+
+def _numbers(values: NDArray[Any]) -> list[Any]:
+    """JSON has neither NaN nor infinity: null takes their place."""
+    rounded = np.round(np.asarray(values, dtype=float), _DIGITS).astype(object)
+    rounded[~np.isfinite(np.asarray(values, dtype=float))] = None
+    numbers: list[Any] = rounded.tolist()
+    return numbers
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None or not math.isfinite(value) else round(float(value), _DIGITS)
+
+
+def _assembled(page: str, shown: dict[str, Any], metadata: dict[str, Any], note: str) -> str:
+    """Meshcat's page with the scene, the player and what they show."""
+    styles = "\n".join(_file(name) for name in _STYLES)
+    title = html.escape(f"{shown['scenario']}: replay")
+    head = (
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{title}</title>\n<style>\n{styles}</style>\n"
+    )
+    page = page.replace("<html>", '<html lang="en">', 1).replace("<title>Drake MeshCat</title>", "", 1)
+    page = page.replace("</head>", f"{head}</head>", 1)
+    body, _, rest = page.rpartition("</body>")
+    parts = [body, _json("trial", metadata), _json("replay", shown)]
     if note:
-        extra += f'<div id="note" style="{_NOTE}">{html.escape(note)}</div>\n'
-    body, end, rest = page.rpartition("</body>")
-    return body + extra + end + rest if end else page + extra
+        parts.append(f'<p id="note" role="note">{html.escape(note)}</p>\n')
+    parts += [_file("replay.html"), f"<script>\n{_script(_MODULES)}</script>\n</body>", rest]
+    return "".join(parts)
+
+
+def _script(modules: Iterable[str]) -> str:
+    """The modules as one script, since pages from a file cannot import: each is a function's body."""
+    parts = []
+    for name in modules:
+        text = _IMPORT.sub(r"const \1 = modules.\2;", _file(f"{name}.js"))
+        exported = ", ".join(_EXPORT.findall(text))
+        text = text.replace("\nexport ", "\n")
+        parts.append(f"modules.{name} = (() => {{\n{text}\nreturn {{ {exported} }};\n}})();\n")
+    return "const modules = {};\n" + "".join(parts)
+
+
+def _file(name: str) -> str:
+    return (_PAGE / name).read_text(encoding="utf-8")
+
+
+def _json(name: str, content: dict[str, Any]) -> str:
+    # Only this sequence ends a script element.
+    text = json.dumps(content, separators=(",", ":")).replace("</", "<\\/")
+    return f'<script type="application/json" id="{name}">{text}</script>\n'

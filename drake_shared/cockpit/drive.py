@@ -26,7 +26,7 @@ from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.journal import recover_trials
-from drake_shared.simulation.scene_drawing import draw_scene, look_from_above
+from drake_shared.simulation.scene_drawing import center_scene
 from drake_shared.simulation.trial import Simulation, Trial
 from drake_shared.systems.mouse_input import MouseInput
 
@@ -151,12 +151,11 @@ def open_session(
             config=config,
             operator=system,
             meshcat=meshcat,
+            show_intention=False,
         )
-        draw_scene(meshcat, scenario)
-        look_from_above(meshcat, scenario)
+        center_scene(meshcat, scenario)
         yield Session(
             simulation=simulation,
-            meshcat=meshcat,
             server=server,
             interrupted=interrupted or threading.Event(),
             record=None if record is None else Path(record),

@@ -9,6 +9,7 @@ from typing import Any
 from pydrake.systems.framework import LeafSystem
 
 from drake_shared.analysis.metrics import metrics
+from drake_shared.analysis.scene_data import describe_task
 from drake_shared.arbitration.feedback import Feedback
 from drake_shared.learners import Learner
 from drake_shared.learners.loss_threshold import early_stop
@@ -36,14 +37,11 @@ def describe_scene(
     feedback: Feedback | None = None,
 ) -> dict[str, Any]:
     """Returns the ``scene`` message: what is the same in all trials."""
-    space, robot = scenario.workspace, scenario.robot
+    robot = scenario.robot
     driven = isinstance(operator, MouseInput)
-    return {
+    return describe_task(scenario) | {
         "scenario": scenario.name,
         "duration": scenario.duration,
-        "workspace": [space.x_min, space.x_max, space.y_min, space.y_max],
-        "wheel_radius": robot.wheel_radius,
-        "track": robot.track,
         "max_speed": operator.max_speed if driven else robot.max_speed,
         "max_yaw_rate": operator.max_yaw_rate if driven else 2.0,
         "learner": None if learner is None else learner.name,
@@ -87,6 +85,7 @@ def describe_now(values: Mapping[str, float], time: float, let_go: str | None = 
     return {
         "t": round(time, 3),
         "let_go": let_go,
+        "pose": _numbers(*(values.get(name) for name in ("x", "y", "yaw"))),
         "human_weight": _number(values["human_weight"]),
         "confidence": _number(values["confidence"]),
         "human": _pair(values, "human"),

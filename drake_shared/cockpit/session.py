@@ -11,18 +11,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from pydrake.geometry import Meshcat
-
 from drake_shared.cockpit.driver_watch import DriverWatch
 from drake_shared.cockpit.page_state import LogReader, describe_now, describe_result, describe_scene
 from drake_shared.cockpit.real_time import RealTime
+from drake_shared.cockpit.scene_state import SceneState
 from drake_shared.cockpit.server import CockpitServer
 from drake_shared.cockpit.trial_recorder import TrialRecorder
 from drake_shared.common.errors import RunError
 from drake_shared.learners.no_learner import NoLearner
 from drake_shared.simulation.journal import INTERRUPTED
-from drake_shared.simulation.scene_drawing import draw_path
 from drake_shared.simulation.trial import RunningTrial, Simulation, Trial, TrialSettings
 from drake_shared.systems.mouse_input import MouseInput
 
@@ -39,7 +36,7 @@ _PAUSE = 4.0  # Between two watched trials, in [s].
 class Session:
     """Runs trials for the page until it is interrupted.
 
-    All calls of Meshcat are made in the thread that calls :meth:`run`.
+    Meshcat is called only in the thread that calls :meth:`run`, by the simulation.
 
     A trial in which the learner raises an exception ends with the status "failed" and is saved; the next
     trial starts as usual. After :data:`MAX_FAILURES` such trials in a row the session switches the agent off,
@@ -47,7 +44,6 @@ class Session:
 
     Args:
         simulation: Its operator is a :class:`MouseInput` that reads ``server.driver_lock``, or any other.
-        meshcat: Where the simulation is drawn.
         server: Serves the pages.
         interrupted: Ends the session when set.
         record: Folder for the logs; if None, nothing is saved. Each trial is saved while it is driven.
@@ -60,7 +56,6 @@ class Session:
         self,
         *,
         simulation: Simulation,
-        meshcat: Meshcat,
         server: CockpitServer,
         interrupted: threading.Event,
         record: Path | None = None,
@@ -69,7 +64,6 @@ class Session:
         on_trial: Callable[[Trial], bool | None] = lambda _: None,
     ) -> None:
         self._simulation = simulation
-        self._meshcat = meshcat
         self.server = server
         self._driver_lock = server.driver_lock
         self._interrupted = interrupted
@@ -77,6 +71,7 @@ class Session:
         self._report = report
         self._on_trial = on_trial
         self._log_reader = LogReader(simulation)
+        self._scene_state = SceneState(simulation)
         self.phase = "starting"
         """The phase that pages show: starting, ready, armed, driving, stopping, finished or ended."""
         self._number = 0
@@ -118,7 +113,7 @@ class Session:
 
     def _begin(self, **settings: Any) -> RunningTrial:
         """Returns a new trial at its start, and shows it."""
-        draw_path(self._meshcat, np.empty((0, 2)))
+        self.server.publish("trail", self._scene_state.begin())
         while True:
             assisted = self._driver_lock.assist and self._simulation.learner is not None
             driver = "agent" if self._simulation.config.driver == "agent" else "shared"
@@ -227,7 +222,7 @@ class Session:
             described["failure"] = failure
         trial = running.finish(status, **described)
         saved, error, self._finished = self._recorder.finish(trial, self._on_trial)
-        draw_path(self._meshcat, trial.positions)
+        self.server.publish("trail", self._scene_state.whole_trail())
         self._result = describe_result(trial, saved, error)
         text = f"Trial {self._number}: {status} after {self._result['time']:.2f} s"
         text += f" ({failure})" if failure else ""
@@ -242,6 +237,12 @@ class Session:
         # At the start nobody has touched the controls, which is not worth a warning.
         let_go = self._log_reader.read_let_go(running) if running.time > 0.0 else None
         self.server.publish("now", describe_now(values, running.time, let_go))
+        routes = self._scene_state.routes(running)
+        if routes is not None:
+            self.server.publish("routes", routes)
+        trail = self._scene_state.trail(values, running.time)
+        if trail is not None:
+            self.server.publish("trail", trail)
 
     def _publish_phase(self, phase: str, running: RunningTrial | None = None) -> None:
         self.phase = phase

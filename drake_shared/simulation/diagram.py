@@ -28,6 +28,7 @@ def AddSharedControl(
     plant: LeafSystem | None = None,
     robot: Robot | None = None,
     meshcat: Meshcat | None = None,
+    show_intention: bool = True,
     prefix: str = "",
 ) -> SharedControl:
     """Adds the whole loop to ``builder``; the arguments are those of :func:`MakeSharedControlDiagram`."""
@@ -42,6 +43,7 @@ def AddSharedControl(
         controller=controller,
         plant=plant,
         meshcat=meshcat,
+        show_intention=show_intention,
     )
 
 
@@ -56,6 +58,7 @@ def MakeSharedControlDiagram(
     plant: LeafSystem | None = None,
     robot: Robot | None = None,
     meshcat: Meshcat | None = None,
+    show_intention: bool = True,
     prefix: str = "",
 ) -> Diagram:
     """Wires the shared-control loop for ``scenario``.
@@ -90,6 +93,7 @@ def MakeSharedControlDiagram(
         robot: Names, sizes and limits of the robot, if it is not the scenario's differential drive. It needs
             a ``plant`` and an ``operator``.
         meshcat: Shows scene and intention.
+        show_intention: False leaves the intention to something else to draw, such as the page.
         prefix: Of the names of all systems, for several loops in one builder.
 
     With faults, the systems channel_fault, pose_fault, learner_fault and wheel_slip are inserted where they
@@ -114,6 +118,7 @@ def MakeSharedControlDiagram(
         plant=plant,
         robot=robot,
         meshcat=meshcat,
+        show_intention=show_intention,
         prefix=prefix,
     )
     exported = {

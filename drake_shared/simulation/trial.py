@@ -54,7 +54,7 @@ class Simulation:
         scenario: The task.
         learner: Predicts intentions; the human drives alone without one.
         config: How control is shared; if None, the one that the learner's preset names.
-        operator, arbiter, controller, plant, robot, meshcat: See
+        operator, arbiter, controller, plant, robot, meshcat, show_intention: See
             :func:`drake_shared.simulation.diagram.MakeSharedControlDiagram`.
 
     Raises:
@@ -74,6 +74,7 @@ class Simulation:
         plant: LeafSystem | None = None,
         robot: Robot | None = None,
         meshcat: Meshcat | None = None,
+        show_intention: bool = True,
     ) -> None:
         # A second thread makes matrix products this small up to twenty times slower, and changes bits.
         limit_blas()
@@ -95,6 +96,7 @@ class Simulation:
             plant=plant,
             robot=robot,
             meshcat=meshcat,
+            show_intention=show_intention,
         )
         self.config = self.parts.config
         check_operator_inputs(builder, self.parts.operator)

@@ -78,6 +78,7 @@ class Wiring:
         controller: LeafSystem | None,
         plant: LeafSystem | None,
         meshcat: Meshcat | None,
+        show_intention: bool,
     ) -> SharedControl:
         """Adds and connects everything; the arguments are those of MakeSharedControlDiagram."""
         scenario, config, robot, period = self._scenario, self._config, self._robot, self._period
@@ -164,12 +165,13 @@ class Wiring:
             shown = {
                 "pose": pose,
                 "intention": estimator.GetOutputPort("intention"),
+                "modes": estimator.GetOutputPort("modes"),
                 "human_weight": weight,
                 "human_command": human,
                 "autonomous_command": autonomous,
                 "shared_command": shared,
             }
-            self._add_visualizers(meshcat, scene_graph, plant, shown)
+            self._add_visualizers(meshcat, scene_graph, plant, shown if show_intention else {})
         return SharedControl(
             config=config,
             robot=robot,
@@ -341,8 +343,9 @@ class Wiring:
             role=Role.kIllustration, prefix=f"{self._prefix}scene", publish_period=period
         )
         MeshcatVisualizer.AddToBuilder(self._builder, scene_graph, meshcat, parameters)
-        visualizer = IntentionVisualizer(meshcat=meshcat, robot=self._robot, period=2 * period)
-        self._connect(self._add("intention_visualizer", visualizer), shown)
+        if shown:
+            visualizer = IntentionVisualizer(meshcat=meshcat, robot=self._robot, period=2 * period)
+            self._connect(self._add("intention_visualizer", visualizer), shown)
 
 
 def _wanted(system: LeafSystem, ports: Mapping[str, OutputPort]) -> dict[str, OutputPort]:

@@ -66,6 +66,7 @@ class IntentionEstimator(LeafSystem):
         - confidence
         - mean_variance
         - influence
+        - modes
 
     Inputs:
         pose: Configuration of the robot, such as [x, y, yaw] in [m, m, rad], world frame. Where an element is
@@ -80,6 +81,10 @@ class IntentionEstimator(LeafSystem):
         mean_variance (1): Mean variance of the steps to come, over the D coordinates, in [m^2].
         influence (2): How far the pose and how far the human's command moved the expected path in this step:
             root mean square over the steps to come, in [m].
+        modes: `drake_shared.learners.Modes` of the prediction: the routes that are still possible, from entry
+            ``intention.first`` on; None where the prediction is not finite or the learner knows no
+            demonstrations. For learners that predict no modes of their own, those of
+            `drake_shared.learners.route_modes.RouteModes`. Computed only where something reads it.
 
     Parameters (of the Context, so that trials may differ in them):
         learner: See :meth:`SetLearner`.
@@ -147,6 +152,7 @@ class IntentionEstimator(LeafSystem):
         )
         self.DeclareVectorOutputPort("mean_variance", 1, self._calc_mean_variance, prerequisites)
         self.DeclareVectorOutputPort("influence", 2, self._calc_influence, prerequisites)
+        self.DeclareAbstractOutputPort("modes", lambda: Value[object](None), self._calc_modes, prerequisites)
         DeclareDiscreteUpdate(self, period=period, update=self._update)
 
     def get_pose_input_port(self) -> InputPort:
@@ -277,6 +283,19 @@ class IntentionEstimator(LeafSystem):
         known = [offset * offset for offset in moved if offset - offset == 0.0]
         output[0] = math.sqrt(self._size * sum(known) / len(known)) if known else 0.0
         output[1] = estimate.by_command
+
+    def _calc_modes(self, context: Any, output: Any) -> None:
+        estimate = self._intention_port.Eval(context)
+        modes = estimate.modes
+        if modes is None and math.isfinite(estimate.mean_variance):
+            prepared: PreparedLearner = context.get_abstract_parameter(self._learner_index).get_value()
+            split, first = prepared.route_modes, estimate.first
+            if split is not None:
+                position = self._robot.position(self._pose_port.Eval(context).tolist())
+                modes = split(
+                    estimate.time, position, first, estimate.mean[first:], estimate.variance[first:]
+                )
+        output.set_value(modes)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         estimate = self._intention_port.Eval(context)

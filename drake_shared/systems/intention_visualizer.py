@@ -1,41 +1,37 @@
-"""Draws the predicted trajectory, its spread, the commands and the division of control in Meshcat."""
+"""Draws the predicted routes, the commands and the division of control in Meshcat."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.common.value import Value
-from pydrake.geometry import Cylinder, Meshcat, Rgba, Sphere
+from pydrake.geometry import Cylinder, Meshcat, Rgba
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder, InputPort, LeafSystem, OutputPort
 
 from drake_shared.robots import Robot, check_robot, scaled_length
 from drake_shared.systems.discrete_update import check_positive
 from drake_shared.systems.intention import Intention, empty_intention
+from drake_shared.systems.route_ribbons import Ribbon, route_ribbons
 
-HUMAN_COLOR = (0.95, 0.62, 0.07)
-AGENT_COLOR = (0.16, 0.50, 0.88)
-SHARED_COLOR = (0.10, 0.62, 0.38)
+HUMAN_COLOR = (0.96, 0.64, 0.0)
+AGENT_COLOR = (0.16, 0.47, 0.93)
+SHARED_COLOR = (0.08, 0.09, 0.12)
 
-# Lengths here are in [m] for the Pioneer P3-DX and scale with the robot.
-_PATH_DOTS = 30
-# Radius of what is scaled: small, so that a dot whose scale has not arrived yet does not disturb.
-_UNIT = 0.05
-_LEAST_SIGMA = 0.02
-# Dots of each mode, largest number of modes, and least probability of a mode that is drawn.
-_MODE_DOTS, _MODES = 18, 5
-_LEAST_PROBABILITY = 0.01
-_COMMAND_DOTS = 5
-# Time that the arc of a command covers, in [s].
-_COMMAND_TIME = 1.0
+# Largest number of routes that are drawn.
+_ROUTES = 5
+# Time that the arc of a command covers, in [s], and number of its points.
+_COMMAND_TIME, _COMMAND_POINTS = 1.0, 13
 _COMMANDS = {"human": HUMAN_COLOR, "autonomous": AGENT_COLOR, "shared": SHARED_COLOR}
+# Lengths in [m] for the Pioneer P3-DX: height of the routes and of the lowest arc, half width of an arc.
+_ROUTE_HEIGHT, _COMMAND_HEIGHT, _COMMAND_WIDTH = 0.02, 0.30, 0.015
 
 
 class IntentionVisualizer(LeafSystem):
-    """Draws the predicted path with its spread, the commands, and the division of control.
+    """Draws the predicted routes, the commands, and the division of control.
 
     .. pydrake_system::
 
@@ -43,6 +39,7 @@ class IntentionVisualizer(LeafSystem):
         input_ports:
         - pose
         - intention
+        - modes
         - human_weight
         - human_command
         - autonomous_command
@@ -51,14 +48,14 @@ class IntentionVisualizer(LeafSystem):
     Inputs (all but ``pose`` and ``intention`` may be left open):
         pose: Configuration of the robot, such as [x, y, yaw] in [m, m, rad], world frame.
         intention: :class:`~drake_shared.systems.intention.Intention`.
+        modes: `drake_shared.learners.Modes` or None, of the estimator; without it, those of the intention.
         human_weight (1): w, from 0 to 1.
         human_command, autonomous_command, shared_command (M): Commands, in the robot's units.
 
-    The path is a row of dots on discs (in space: ellipsoids) whose half axes are the standard deviations.
-    Each mode of the prediction is a row of dots whose area grows with its probability. Each command is a row
-    of dots along the arc on which it leads in the next second. Below the robot lies a disc of the agent's
-    colour, covered by one of the human's whose share of the area is w. All objects are made at the start and
-    then only moved, scaled and hidden, which is what Meshcat can record.
+    Each route is a ribbon that is as wide as the spread across it and as opaque as it is probable; see
+    :mod:`drake_shared.systems.route_ribbons`. Each command is an arc above the robot, along which it leads in
+    the next second. Below the robot lies a disc of the agent's colour, covered by one of the human's whose
+    share of the area is w. Meshcat does not record the ribbons; `drake_shared.write_replay` shows them.
 
     Args:
         meshcat: Where to draw.
@@ -82,16 +79,19 @@ class IntentionVisualizer(LeafSystem):
         self._prefix = prefix
         names = tuple(robot.position_names)
         self._axes = tuple(names.index(name) if name in names else None for name in ("x", "y", "z"))
-        self._in_space = self._axes[2] is not None
         self._pose_port = self.DeclareVectorInputPort("pose", len(robot.configuration_names))
         self._intention_port = self.DeclareAbstractInputPort("intention", Value(empty_intention(len(names))))
+        self._modes_port = self.DeclareAbstractInputPort("modes", Value[object](None))
         self._weight_port = self.DeclareVectorInputPort("human_weight", 1)
         self._command_ports = {
             name: self.DeclareVectorInputPort(f"{name}_command", len(robot.command_names))
             for name in _COMMANDS
         }
         self._visible: dict[str, bool] = {}
-        self._make_objects()
+        radius = robot.characteristic_length + self._length(0.06)
+        # A transform resets the scale of its object: what is scaled is the child of what is moved.
+        self._disc("halo/agent", radius, (*AGENT_COLOR, 0.75), height=0.0)
+        self._disc("halo/human", radius, (*HUMAN_COLOR, 1.0), height=0.004)
         self.DeclarePeriodicPublishEvent(period, 0.0, self._draw)
         self.DeclareForcedPublishEvent(self._draw)
 
@@ -133,112 +133,88 @@ class IntentionVisualizer(LeafSystem):
     def _length(self, length: float) -> float:
         return scaled_length(self._robot, length)
 
-    def _make_objects(self) -> None:
-        radius = self._robot.characteristic_length + self._length(0.06)
-        # A transform resets the scale of its object: what is scaled is the child of what is moved.
-        self._dot("halo/agent", radius, 0.004, (*AGENT_COLOR, 0.75))
-        self._dot("halo/human", radius, 0.004, (*HUMAN_COLOR, 1.0), height=0.004)
-        for index in range(_PATH_DOTS):
-            self._dot(f"path/{index}/spread", self._length(_UNIT), 0.002, (*AGENT_COLOR, 0.10), ball=True)
-            self._dot(
-                f"path/{index}/mean", self._length(0.022), 0.02, (*AGENT_COLOR, 1.0), height=0.015, ball=True
-            )
-        for mode in range(_MODES):
-            for index in range(_MODE_DOTS):
-                self._dot(
-                    f"mode/{mode}/{index}/dot", self._length(_UNIT), 0.004, (*AGENT_COLOR, 0.45), ball=True
-                )
-        for name, color in _COMMANDS.items():
-            for index in range(_COMMAND_DOTS):
-                size = self._length(0.035 - 0.004 * index)
-                self._dot(f"{name}/{index}", size, 0.02, (*color, 1.0), ball=True)
-
-    def _dot(
-        self,
-        name: str,
-        radius: float,
-        thickness: float,
-        color: tuple[float, ...],
-        *,
-        height: float = 0.0,
-        ball: bool = False,
-    ) -> None:
-        """A flat disc, ``thickness`` high; a ball instead, with ``ball``, if the robot moves in space."""
+    def _disc(self, name: str, radius: float, color: tuple[float, ...], *, height: float) -> None:
         path = f"{self._prefix}/{name}"
-        in_space = ball and self._in_space
-        shape = Sphere(radius) if in_space else Cylinder(radius, self._length(thickness))
-        self._meshcat.SetObject(path, shape, Rgba(*color))
-        z = 0.0 if in_space else self._length(height)
-        self._meshcat.SetTransform(path, RigidTransform([0.0, 0.0, z]))
+        self._meshcat.SetObject(path, Cylinder(radius, self._length(0.004)), Rgba(*color))
+        self._meshcat.SetTransform(path, RigidTransform([0.0, 0.0, self._length(height)]))
 
     def _draw(self, context: Context) -> None:
-        time = context.get_time()
         pose: list[float] = self._pose_port.Eval(context).tolist()
+        position = self._robot.position(pose)
         intention: Intention = self._intention_port.Eval(context)
-        known = self._weight_port.HasValue(context)
-        self._show("halo", time, known)
+        known = self._weight_port.HasValue(context) and math.isfinite(sum(position))
+        self._show("halo", known)
         if known:
-            self._draw_halo(time, pose, self._weight_port.Eval(context).item())
-        self._draw_path(time, intention)
-        self._draw_modes(time, intention)
+            self._draw_halo(position, self._weight_port.Eval(context).item())
+        modes: Any = self._modes_port.Eval(context) if self._modes_port.HasValue(context) else None
+        shown = route_ribbons(intention, modes or intention.modes, position=position, robot=self._robot)
+        for slot in range(_ROUTES):
+            name = f"route/{slot}"
+            self._show(name, slot < len(shown))
+            if slot < len(shown):
+                self._draw_route(name, shown[slot])
         for level, (name, port) in enumerate(self._command_ports.items()):
             # One above the other, so that arcs that agree are all visible.
-            self._draw_command(time, name, pose, context, port, 0.30 + 0.03 * level)
+            self._draw_command(name, pose, context, port, _COMMAND_HEIGHT + 0.03 * level)
 
-    def _draw_halo(self, time: float, pose: list[float], weight: float) -> None:
-        self._place("halo", time, self._robot.position(pose), 0.01)
+    def _draw_halo(self, position: tuple[float, ...], weight: float) -> None:
+        x, y, z = (0.0 if axis is None else position[axis] for axis in self._axes)
+        X = RigidTransform([x, y, z if self._axes[2] is not None else self._length(0.01)])
+        self._meshcat.SetTransform(f"{self._prefix}/halo", X)
         # The human's disc lies on the agent's, and its share of the area is the human's share of control.
         root = max(math.sqrt(weight), 1e-3)
-        self._scale("halo/human", time, [root, root, 1.0])
+        self._meshcat.SetProperty(f"{self._prefix}/halo/human", "scale", [root, root, 1.0])
 
-    def _draw_path(self, time: float, intention: Intention) -> None:
-        picked = np.linspace(intention.first, len(intention.times) - 1, _PATH_DOTS).round().astype(int)
-        unit, least = self._length(_UNIT), self._length(_LEAST_SIGMA)
-        for index, entry in enumerate(picked):
-            mean = intention.mean[entry].tolist()
-            sigma = np.sqrt(intention.variance[entry]).tolist()
-            known = math.isfinite(sum(mean) + sum(sigma))
-            self._show(f"path/{index}", time, known)
-            if known:
-                self._place(f"path/{index}", time, mean, 0.015 + 2e-4 * index)
-                scale = [1.0 if axis is None else max(sigma[axis], least) / unit for axis in self._axes]
-                self._scale(f"path/{index}/spread", time, scale)
-
-    def _draw_modes(self, time: float, intention: Intention) -> None:
-        """Draws each mode with dots whose area grows with its probability."""
-        modes = intention.modes
-        drawn = [] if modes is None else modes.by_probability()
-        likely = [mode for mode in drawn if mode[0] > _LEAST_PROBABILITY]
-        for slot in range(_MODES):
-            self._show(f"mode/{slot}", time, slot < len(likely))
-        for slot, (probability, path) in enumerate(likely[:_MODES]):
-            size = math.sqrt(probability)
-            for index, entry in enumerate(np.linspace(0, len(path) - 1, _MODE_DOTS).round().astype(int)):
-                self._place(f"mode/{slot}/{index}", time, path[entry].tolist(), 0.02)
-                self._scale(f"mode/{slot}/{index}/dot", time, [size, size, size if self._in_space else 1.0])
+    def _draw_route(self, name: str, ribbon: Ribbon) -> None:
+        known = ribbon.fade > 0.0
+        self._strip(name, ribbon.center, ribbon.half_width, AGENT_COLOR, _ROUTE_HEIGHT, known)
+        opacity = ribbon.probability * float(ribbon.fade[known].mean())
+        self._meshcat.SetProperty(f"{self._prefix}/{name}", "modulated_opacity", opacity)
 
     def _draw_command(
-        self, time: float, name: str, pose: list[float], context: Any, port: InputPort, height: float
+        self, name: str, pose: list[float], context: Context, port: InputPort, height: float
     ) -> None:
         command = port.Eval(context).tolist() if port.HasValue(context) else [math.nan]
-        known = math.isfinite(sum(command))
-        self._show(name, time, known)
-        for index in range(_COMMAND_DOTS if known else 0):
-            ahead = _COMMAND_TIME * (index + 1) / _COMMAND_DOTS
-            self._place(f"{name}/{index}", time, self._robot.rollout(pose, command, ahead), height)
+        known = math.isfinite(sum(command)) and self._robot.speed(command) > 0.0
+        self._show(name, known)
+        if known:
+            times = np.linspace(0.0, _COMMAND_TIME, _COMMAND_POINTS)
+            arc = np.array([self._robot.rollout(pose, command, time) for time in times.tolist()])
+            self._strip(name, arc, np.full(len(arc), self._length(_COMMAND_WIDTH)), _COMMANDS[name], height)
 
-    def _place(self, name: str, time: float, position: Sequence[float], height: float) -> None:
-        """Moves an object to ``position`` (D,), in [m]; to ``height``, in [m], for robots on the floor."""
-        x, y, z = (0.0 if axis is None else position[axis] for axis in self._axes)
-        if not self._in_space:
-            z = self._length(height)
-        self._meshcat.SetTransform(f"{self._prefix}/{name}", RigidTransform([x, y, z]), time)
+    def _strip(
+        self,
+        name: str,
+        center: NDArray[np.float64],
+        half_width: NDArray[np.float64],
+        color: tuple[float, float, float],
+        height: float,
+        known: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """A strip along ``center`` (n, D), in [m]; at ``height``, in [m], for robots on the floor."""
+        at = np.zeros((len(center), 3))
+        for column, axis in enumerate(self._axes):
+            if axis is not None:
+                at[:, column] = center[:, axis]
+        if self._axes[2] is None:
+            at[:, 2] = self._length(height)
+        # Vertices are single precision: they are relative to the start, far from the origin as near it.
+        origin = at[0].copy()
+        at -= origin
+        tangent = np.gradient(at[:, :2], axis=0)
+        tangent /= np.maximum(np.linalg.norm(tangent, axis=-1, keepdims=True), 1e-9)
+        side = np.zeros_like(at)
+        side[:, 0], side[:, 1] = -tangent[:, 1] * half_width, tangent[:, 0] * half_width
+        vertices = np.stack([at + side, at - side], axis=1).reshape(-1, 3)
+        first = 2 * np.flatnonzero(np.ones(len(at) - 1, bool) if known is None else known[1:] & known[:-1])
+        faces = np.concatenate([[first, first + 1, first + 2], [first + 1, first + 3, first + 2]], axis=1)
+        path = f"{self._prefix}/{name}"
+        colors = np.repeat(np.reshape(color, (3, 1)), len(vertices), axis=1)
+        self._meshcat.SetTriangleColorMesh(path, vertices.T, faces.astype(np.int32), colors)
+        self._meshcat.SetTransform(path, RigidTransform(origin))
 
-    def _scale(self, name: str, time: float, scale: list[float]) -> None:
-        self._meshcat.SetProperty(f"{self._prefix}/{name}", "scale", scale, time)
-
-    def _show(self, name: str, time: float, visible: bool) -> None:
+    def _show(self, name: str, visible: bool) -> None:
         # Most of the time nothing changes, and needs no message.
         if self._visible.get(name) is not visible:
             self._visible[name] = visible
-            self._meshcat.SetProperty(f"{self._prefix}/{name}", "visible", visible, time)
+            self._meshcat.SetProperty(f"{self._prefix}/{name}", "visible", visible)

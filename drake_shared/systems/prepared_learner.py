@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import ProgressClock
 from drake_shared.learners import Learner, Modes, MultimodalLearner, PrefixLearner, check_prediction
 from drake_shared.learners.base import Prediction
+from drake_shared.learners.route_modes import RouteModes
 from drake_shared.robots import Robot, scaled_length
 
 Array = NDArray[np.float64]
@@ -94,6 +96,11 @@ class PreparedLearner:
         if len(predictions) > 1 and np.may_share_memory(predictions[0][0], mean):
             raise InputError(self.source, "predict", "must return new arrays, not views of a buffer")
         return predictions, modes
+
+    @cached_property
+    def route_modes(self) -> RouteModes | None:
+        """Splits predictions into routes; None if the demonstrations are unknown."""
+        return None if self.learner.demonstrations is None else RouteModes(self.learner)
 
     def first_after(self, now: float) -> int:
         """Index of the first query later than ``now``, in [s]; the last index if there is none."""

@@ -226,7 +226,7 @@ def test_meshcat_adds_the_looks_and_the_visualizer_and_changes_no_bit(open_floor
     trial, unseen = (each.run(TrialSettings()) for each in (watched, Simulation(open_floor, learner=learner)))
     for name, values in unseen.columns.items():
         np.testing.assert_array_equal(trial[name], values)
-    assert meshcat.HasPath("/drake/intention/path/0/mean")
+    assert meshcat.HasPath("/drake/intention/halo/human")
     assert meshcat.HasPath("/drake/scene/robot")
 
 

@@ -1,7 +1,6 @@
 """IntentionVisualizer, with a stand-in for Meshcat that records its calls."""
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -9,6 +8,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
+from drake_shared.learners import Modes
 from drake_shared.robots import DiffDrive
 from drake_shared.robots.motion import motion
 from drake_shared.systems.intention import EMPTY_INTENTION, Intention
@@ -17,27 +17,31 @@ from drake_shared.systems.intention_visualizer import IntentionVisualizer
 ROBOT = DiffDrive()
 
 
-DOT = re.compile(r"intention/path/\d+")
-
-
 class FakeMeshcat:
     def __init__(self):
-        self.objects, self.places, self.properties = {}, {}, {}
+        self.objects, self.places, self.properties, self.meshes = {}, {}, {}, {}
 
     def SetObject(self, path, shape, rgba):
         self.objects[path] = shape
 
-    def SetTransform(self, path, X, time=None):
+    def SetTriangleColorMesh(self, path, vertices, faces, colors):
+        self.meshes[path] = vertices
+
+    def SetTransform(self, path, X):
         self.places[path] = X.translation()
 
-    def SetProperty(self, path, name, value, time=None):
+    def SetProperty(self, path, name, value):
         self.properties[path, name] = value
 
     def visible(self, path: str) -> bool:
         return self.properties.get((path, "visible"), True)
 
+    def center(self, path: str) -> np.ndarray:
+        """The middle line of a strip, shape (n, 3), in the world frame."""
+        return self.places[path] + self.meshes[path].T.reshape(-1, 2, 3).mean(axis=1)
 
-def expecting(variance=0.04, first: int = 1) -> Intention:
+
+def expecting(variance=1e-4, first: int = 1) -> Intention:
     times = np.arange(0.0, 15.05, 0.1)
     mean = np.stack([0.3 * times, 0.1 * times], axis=-1)
     mean[:first] = math.nan
@@ -72,45 +76,43 @@ def bench() -> Bench:
     return Bench()
 
 
-def test_makes_all_objects_at_the_start_and_then_only_moves_them(bench):
-    made = dict(bench.meshcat.objects)
-    for first in (1, 40, 150):
-        bench.draw(intention=Value(expecting(first=first)), pose=[1.0, 0.0, 0.3], human_weight=[0.4])
-    assert bench.meshcat.objects == made
+def test_the_ribbon_lies_on_the_expected_path_from_the_robot_to_the_end(bench):
+    meshcat = bench.draw(intention=Value(expecting(first=31)), pose=[0.9, 0.3, 0.0])
+    line = meshcat.center("intention/route/0")
+    np.testing.assert_allclose(line[:, 1], line[:, 0] / 3, atol=1e-6)
+    np.testing.assert_allclose(line[[0, -1], 0], [0.9, 4.5])
+    assert not meshcat.visible("intention/route/1")
 
 
-def test_dots_lie_on_the_expected_path_from_now_to_the_end(bench):
-    meshcat = bench.draw(intention=Value(expecting(first=31)))
-    dots = np.array([place for path, place in meshcat.places.items() if DOT.fullmatch(path)])
-    np.testing.assert_allclose(dots[:, 1], dots[:, 0] / 3, atol=1e-12)
-    assert dots[:, 0].min() == pytest.approx(0.93)
-    assert dots[:, 0].max() == pytest.approx(4.5)
+def test_vertices_are_relative_to_the_start_of_a_strip(bench):
+    """They are single precision, which is 3 cm at 500 km from the origin."""
+    far = expecting()
+    far.mean += [500_000.0, 4_400_000.0]
+    meshcat = bench.draw(intention=Value(far), pose=[500_000.0, 4_400_000.0, 0.0])
+    assert np.abs(meshcat.meshes["intention/route/0"]).max() < 10.0
+    np.testing.assert_allclose(meshcat.places["intention/route/0"][:2], [500_000.0, 4_400_000.0])
 
 
-def test_the_spread_is_drawn_by_its_standard_deviations(bench):
-    meshcat = bench.draw(intention=Value(expecting(variance=[0.04, 0.09])))
-    radius = meshcat.objects["intention/path/3/spread"].radius()
-    wide, tall, _ = meshcat.properties["intention/path/3/spread", "scale"]
-    assert [wide * radius, tall * radius] == pytest.approx([0.2, 0.3])
-    # It moves with the dot of the mean, whose parent is its own.
-    np.testing.assert_array_equal(meshcat.places["intention/path/3/spread"], 0)
+def test_each_mode_is_a_ribbon_as_opaque_as_it_is_probable(bench):
+    intention = expecting()
+    mean, variance = intention.mean[1:], intention.variance[1:]
+    modes = Modes(
+        probability=np.array([0.3, 0.7]),
+        mean=np.stack([mean, mean * [1.0, -1.0]]),
+        variance=np.stack([variance, variance]),
+        aim=1,
+    )
+    meshcat = bench.draw(intention=Value(intention), modes=Value[object](modes))
+    opacity = [meshcat.properties[f"intention/route/{slot}", "modulated_opacity"] for slot in (0, 1)]
+    assert opacity == pytest.approx([0.7, 0.3])
+    assert meshcat.center("intention/route/0")[-1, 1] < 0 < meshcat.center("intention/route/1")[-1, 1]
 
 
-def test_what_is_scaled_is_never_moved(bench):
-    """A transform puts the scale of what it moves back to 1."""
-    meshcat = bench.meshcat
-    moved_before = {path: tuple(place) for path, place in meshcat.places.items()}
-    bench.draw(intention=Value(expecting(first=40)), pose=[1.0, 0.5, 0.3], human_weight=[0.4])
-    scaled = {path for path, name in meshcat.properties if name == "scale"}
-    assert scaled
-    assert all(tuple(meshcat.places[path]) == moved_before[path] for path in scaled)
-
-
-def test_without_a_prediction_no_path_is_shown(bench):
-    assert not bench.meshcat.visible("intention/path/0")
-    assert not bench.meshcat.visible("intention/path/29")
-    assert bench.draw(intention=Value(expecting())).visible("intention/path/0")
-    assert not bench.draw(intention=Value(expecting(variance=math.nan))).visible("intention/path/0")
+def test_without_a_prediction_no_route_is_shown(bench):
+    assert not bench.meshcat.visible("intention/route/0")
+    assert bench.draw(intention=Value(expecting())).visible("intention/route/0")
+    for variance in (math.nan, 4.0):
+        assert not bench.draw(intention=Value(expecting(variance=variance))).visible("intention/route/0")
 
 
 @pytest.mark.parametrize("weight", [1.0, 0.25, 0.0])
@@ -121,19 +123,27 @@ def test_the_humans_share_of_the_disc_is_the_human_weight(bench, weight):
     np.testing.assert_allclose(meshcat.places["intention/halo"][:2], [1.0, 2.0])
 
 
+def test_what_is_scaled_is_never_moved(bench):
+    """A transform puts the scale of what it moves back to 1."""
+    before = tuple(bench.meshcat.places["intention/halo/human"])
+    bench.draw(pose=[1.0, 0.5, 0.3], human_weight=[0.4])
+    assert tuple(bench.meshcat.places["intention/halo/human"]) == before
+
+
 @pytest.mark.parametrize("name", ["human", "autonomous", "shared"])
-@pytest.mark.parametrize("wheels", [(4.0, 6.0), (5.0, 5.0), (-2.0, 2.0)])
+@pytest.mark.parametrize("wheels", [(4.0, 6.0), (5.0, 5.0), (-2.0, -1.0)])
 def test_each_command_is_the_arc_on_which_it_leads_in_the_next_second(bench, name, wheels):
     pose = (1.0, -1.0, 2.0)
-    meshcat = bench.draw(pose=pose, **{f"{name}_command": wheels})
-    for index in range(5):
-        *_, (x, y, _) = motion(ROBOT, pose, wheels, wheels, 0.2 * (index + 1))
-        np.testing.assert_allclose(meshcat.places[f"intention/{name}/{index}"][:2], [x, y], atol=1e-12)
+    line = bench.draw(pose=pose, **{f"{name}_command": wheels}).center(f"intention/{name}")
+    np.testing.assert_allclose(line[0, :2], pose[:2])
+    for at, time in zip(line[1:], np.linspace(0.0, 1.0, len(line))[1:], strict=True):
+        *_, (x, y, _) = motion(ROBOT, pose, wheels, wheels, time)
+        np.testing.assert_allclose(at[:2], [x, y], atol=1e-6)
 
 
-def test_a_command_of_nan_is_hidden(bench):
+def test_a_command_that_is_nan_or_zero_is_hidden(bench):
     assert not bench.draw(autonomous_command=[math.nan, math.nan]).visible("intention/autonomous")
-    assert bench.meshcat.visible("intention/human")
+    assert not bench.meshcat.visible("intention/human")
     assert bench.draw(autonomous_command=[1.0, 1.0]).visible("intention/autonomous")
 
 
@@ -141,10 +151,10 @@ def test_ports_but_pose_and_intention_may_be_left_open():
     meshcat = FakeMeshcat()
     dut = IntentionVisualizer(meshcat=meshcat, robot=ROBOT)
     context = dut.CreateDefaultContext()
-    dut.get_pose_input_port().FixValue(context, [1.0, 2.0, 0.0])
+    dut.get_pose_input_port().FixValue(context, [0.0, 0.0, 0.0])
     dut.get_intention_input_port().FixValue(context, Value(expecting()))
     dut.ForcedPublish(context)
-    assert meshcat.visible("intention/path/0")
+    assert meshcat.visible("intention/route/0")
     for name in ("halo", "human", "autonomous", "shared"):
         assert not meshcat.visible(f"intention/{name}")
 

@@ -10,11 +10,7 @@ import { Settings } from "./settings.js";
 
 const HEARTBEAT = 50; // ms; the robot brakes 150 ms after the last message.
 
-const style = document.createElement("link");
-style.rel = "stylesheet";
-style.href = "/cockpit/cockpit.css";
-const styled = new Promise((resolve) => style.addEventListener("load", resolve, { once: true }));
-document.head.append(style);
+const styled = Promise.all(["scene.css", "cockpit.css"].map(addStyle));
 const overlay = await (await fetch("/cockpit/overlay.html")).text();
 await styled;
 document.body.insertAdjacentHTML("beforeend", overlay);
@@ -79,7 +75,7 @@ connection.on("close", (reason) => {
 });
 connection.on("scene", (message) => {
   document.title = `drake_shared: ${message.scenario}`;
-  scene.setWorkspace(message.workspace);
+  scene.setTask(message);
   panel.setScene(message);
   feedback.setScene(message);
   settings.setScene(message);
@@ -90,9 +86,25 @@ connection.on("seat", (message) => {
   panel.setLockState(message.state);
 });
 connection.on("settings", (message) => settings.show(message));
-connection.on("trial", (message) => panel.setTrial(message));
+let driven = false; // Whether a trial runs, whose way the scene draws.
+connection.on("trial", (message) => {
+  driven = ["driving", "stopping"].includes(message.phase);
+  panel.setTrial(message);
+});
 connection.on("now", (message) => {
   panel.setNow(message);
+  scene.setNow(message);
+  if (driven) scene.addToTrail(message);
   if (engaged) feedback.render(message.conflict);
 });
+connection.on("routes", (message) => scene.setRoutes(message));
+connection.on("trail", (message) => scene.setTrail(message));
 connection.open();
+
+function addStyle(name) {
+  const style = document.createElement("link");
+  style.rel = "stylesheet";
+  style.href = `/cockpit/${name}`;
+  document.head.append(style);
+  return new Promise((resolve) => style.addEventListener("load", resolve, { once: true }));
+}

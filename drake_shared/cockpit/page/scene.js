@@ -1,33 +1,73 @@
-// Meshcat's part of the page: fits the view from above to the workspace, and hides Meshcat's controls.
+// The scene: what the task is, where the robot drives and drove, and what the agent predicts, drawn in Meshcat's
+// scene in lengths about the middle of the workspace. The page and the stand-alone replay share it.
 
+import { Floor } from "./scene_floor.js";
+import { Labels } from "./scene_labels.js";
+import { RobotMarks } from "./scene_robot.js";
+import { Routes } from "./scene_routes.js";
+import { describeLength, localTask } from "./scene_task.js";
+import { Theme } from "./scene_theme.js";
+import { Trail } from "./scene_trail.js";
+import { Views } from "./scene_views.js";
 import { RenderThrottle } from "./render_throttle.js";
 
-const MARGIN = 0.08; // m around the workspace
+const { THREE } = window.MeshCat;
+
+const BAR = 44; // px at the lower edge, for the buttons and the legend
+
+const CONTROLS = `
+  <div class="scene-views" role="group" aria-label="View">
+    <button type="button" data-view="above">Above</button>
+    <button type="button" data-view="follow">Follow</button>
+    <button type="button" data-view="free">Free</button>
+  </div>
+  <button type="button" class="scene-theme" aria-label="Dark colours"></button>
+  <button type="button" class="scene-legend-button" aria-expanded="false">Legend</button>
+  <ul class="scene-legend">
+    <li data-key="human">Human</li>
+    <li data-key="agent">Agent</li>
+    <li data-key="shared">Shared command</li>
+    <li data-key="route">Predicted route</li>
+    <li data-key="trail">Driven, by whom</li>
+  </ul>`;
 
 export class Scene {
   #viewer;
-  #pane;
-  #workspace = null;
+  #theme = new Theme();
+  #group = new THREE.Group();
+  #floor;
+  #routes;
+  #trail;
+  #robot;
+  #views;
+  #labels;
+  #task = null;
   #throttle;
 
   constructor(viewer, pane) {
     this.#viewer = viewer;
-    this.#pane = pane;
-    const resize = viewer.set_3d_pane_size.bind(viewer);
-    viewer.set_3d_pane_size = (width, height) => {
-      resize(width, height);
-      this.#fit();
+    const overlay = document.createElement("div");
+    overlay.className = "scene-overlay";
+    pane.append(overlay);
+    viewer.scene.add(this.#group);
+    this.#setUpLight();
+    this.#floor = new Floor(this.#group, this.#theme);
+    this.#robot = new RobotMarks(this.#group, this.#theme);
+    this.#routes = new Routes(this.#group, this.#theme);
+    this.#trail = new Trail(this.#group, this.#theme);
+    this.#labels = new Labels(overlay, this.#group, viewer);
+    this.#views = new Views(viewer, pane, BAR);
+    this.#addControls(overlay);
+    const render = viewer.render.bind(viewer);
+    viewer.render = () => {
+      this.#views.update(performance.now());
+      render();
+      this.#showLabels();
     };
     this.#throttle = new RenderThrottle(viewer);
-    new ResizeObserver(() => viewer.set_3d_pane_size()).observe(pane);
-    const controls = document.getElementById("scene-controls");
-    controls.addEventListener("click", () => {
-      const shown = document.body.classList.toggle("meshcat-controls");
-      controls.setAttribute("aria-pressed", String(shown));
-    });
-    document.getElementById("reset-view").addEventListener("click", () => {
-      viewer.controls.reset();
-      viewer.set_3d_pane_size();
+    this.#theme.onChange(() => {
+      viewer.scene.background = this.#theme.colors.ground;
+      viewer.set_dirty();
     });
   }
 
@@ -35,26 +75,95 @@ export class Scene {
     this.#throttle.setDriving(driving);
   }
 
-  // Fits the view to [x_min, x_max, y_min, y_max], in m.
-  setWorkspace(workspace) {
-    this.#workspace = workspace;
-    this.#viewer.set_3d_pane_size();
-  }
-
-  // Meshcat keeps only the left edge and the height of an orthographic view when the window changes.
-  #fit() {
-    const camera = this.#viewer.camera;
-    if (!this.#workspace || camera.type !== "OrthographicCamera") return;
-    const [left, right, bottom, top] = this.#workspace;
-    const width = this.#pane.offsetWidth;
-    const height = this.#pane.offsetHeight;
-    const scale = Math.max((right - left + 2 * MARGIN) / width, (top - bottom + 2 * MARGIN) / height);
-    camera.left = (left + right) / 2 - (scale * width) / 2;
-    camera.right = (left + right) / 2 + (scale * width) / 2;
-    camera.bottom = (bottom + top) / 2 - (scale * height) / 2;
-    camera.top = (bottom + top) / 2 + (scale * height) / 2;
-    camera.updateProjectionMatrix();
-    this.#viewer.controls.enableRotate = false; // The view from above stays upright.
+  // message: see the messages `scene`, `routes`, `trail` and `now` in docs/websocket_protocol.md.
+  setTask(message) {
+    this.#task = localTask(message);
+    for (const part of [this.#floor, this.#robot, this.#routes, this.#trail, this.#views]) part.setTask(this.#task);
     this.#viewer.set_dirty();
   }
+
+  setRoutes({ routes }) {
+    if (!this.#task) return;
+    this.#routes.show(routes);
+    this.#viewer.set_dirty();
+  }
+
+  setTrail({ rows }) {
+    if (!this.#task) return;
+    this.#trail.set(rows);
+    this.#viewer.set_dirty();
+  }
+
+  setNow(now) {
+    if (!this.#task) return;
+    this.#robot.show(now);
+    this.#views.setPose(now.pose?.every((value) => value !== null) ? now.pose : null);
+    this.#viewer.set_dirty();
+  }
+
+  addToTrail(now) {
+    if (!this.#task || !now.pose) return;
+    const [x, y] = now.pose;
+    this.#trail.add([now.t, x, y, now.human_weight, now.clearance, now.contact]);
+  }
+
+  // A path to compare with: [[x, y], ...].
+  setGhost(points) {
+    this.#trail.setGhost(points);
+    this.#viewer.set_dirty();
+  }
+
+  #setUpLight() {
+    const viewer = this.#viewer;
+    for (const name of ["Grid", "Axes", "Lights"]) viewer.set_property([name], "visible", false);
+    // Meshcat's background is a gradient with a colour of its own for each kind of camera.
+    viewer.update_background = () => {};
+    viewer.scene.environment = null;
+    const sun = new THREE.DirectionalLight(0xffffff, 1.7);
+    sun.position.set(-2, 2.4, 5); // The shadows of scene_floor.js fall away from it.
+    this.#group.add(sun, new THREE.HemisphereLight(0xffffff, 0xd4d8de, 2.4));
+  }
+
+  #addControls(overlay) {
+    const bar = document.createElement("div");
+    bar.className = "scene-bar";
+    bar.innerHTML = CONTROLS;
+    overlay.append(bar);
+    // The scene must not be turned by a drag that begins on a button.
+    for (const type of ["pointerdown", "wheel"]) bar.addEventListener(type, (event) => event.stopPropagation());
+    const buttons = [...bar.querySelectorAll("[data-view]")];
+    const mark = () => {
+      for (const button of buttons) button.setAttribute("aria-pressed", String(button.dataset.view === this.#views.name));
+    };
+    for (const button of buttons) {
+      button.addEventListener("click", () => {
+        if (this.#task) this.#views.choose(button.dataset.view);
+        mark();
+      });
+    }
+    mark();
+    const theme = bar.querySelector(".scene-theme");
+    theme.addEventListener("click", () => this.#theme.toggle());
+    this.#theme.onChange(() => theme.setAttribute("aria-pressed", String(this.#theme.name === "dark")));
+    const legend = bar.querySelector(".scene-legend-button");
+    legend.addEventListener("click", () => {
+      legend.setAttribute("aria-expanded", String(bar.classList.toggle("scene-legend-open")));
+    });
+  }
+
+  #showLabels() {
+    if (!this.#task) return;
+    const { start, goal, scaleBar, unit } = this.#task;
+    const middle = [scaleBar.at[0] + scaleBar.length / 2, scaleBar.at[1]];
+    const labels = [
+      { kind: "goal", at: [goal[0], goal[1] + goal[2]], text: "Goal" },
+      { kind: "start", at: [start[0], start[1] - 0.4 * unit], text: "Start" },
+      { kind: "scale", at: middle, text: describeLength(scaleBar.length) },
+      ...this.#trail.labels(),
+      ...this.#routes.labels(),
+    ];
+    this.#labels.show(labels, BAR);
+  }
 }
+
+

@@ -1,0 +1,170 @@
+// Floor with grid and soft shadows, start, goal and scale. Drawn once for a task and a theme.
+
+const { THREE } = window.MeshCat;
+
+const PIXELS = 2048; // of the longer side of the floor's texture
+const MARGIN = 0.12; // of the texture around the floor, as a share of its longer side, for the floor's shadow
+
+export class Floor {
+  #group = new THREE.Group();
+  #theme;
+  #task = null;
+  #meshes = [];
+
+  constructor(parent, theme) {
+    this.#theme = theme;
+    parent.add(this.#group);
+    theme.onChange(() => this.#draw());
+  }
+
+  setTask(task) {
+    this.#task = task;
+    this.#draw();
+  }
+
+  #draw() {
+    if (!this.#task) return;
+    for (const mesh of this.#meshes) {
+      mesh.removeFromParent();
+      mesh.geometry.dispose();
+      mesh.material.map?.dispose();
+      mesh.material.dispose();
+    }
+    const { width, depth } = this.#task;
+    const margin = MARGIN * Math.max(width, depth);
+    const [fullWidth, fullDepth] = [width + 2 * margin, depth + 2 * margin];
+    const scale = PIXELS / Math.max(fullWidth, fullDepth);
+    const canvas = document.createElement("canvas");
+    canvas.width = Math.round(fullWidth * scale);
+    canvas.height = Math.round(fullDepth * scale);
+    const context = canvas.getContext("2d");
+    // From here on lengths are in m about the workspace's middle, y up.
+    context.setTransform(scale, 0, 0, -scale, canvas.width / 2, canvas.height / 2);
+    this.#paint(context, scale);
+    const texture = new THREE.CanvasTexture(canvas);
+    texture.colorSpace = THREE.SRGBColorSpace;
+    texture.anisotropy = 4;
+    const material = new THREE.MeshBasicMaterial({ map: texture, toneMapped: false, transparent: true, depthWrite: false });
+    const mesh = new THREE.Mesh(new THREE.PlaneGeometry(fullWidth, fullDepth), material);
+    mesh.renderOrder = -10;
+    this.#meshes = [mesh];
+    this.#group.add(mesh);
+  }
+
+  #paint(context, scale) {
+    const { width, depth, unit } = this.#task;
+    const css = (name) => this.#theme.css(name);
+    const [left, bottom] = [-width / 2, -depth / 2];
+    // The floor is a plate that lies on the ground: it casts a shadow around itself.
+    context.save();
+    context.shadowColor = css("shadow");
+    context.shadowBlur = 0.16 * unit * scale;
+    context.shadowOffsetX = 0.03 * unit * scale;
+    context.shadowOffsetY = 0.05 * unit * scale;
+    context.fillStyle = css("floor");
+    context.fillRect(left, bottom, width, depth);
+    context.restore();
+    const light = context.createRadialGradient(-0.15 * width, 0.3 * depth, 0, 0, 0, 0.75 * Math.max(width, depth));
+    light.addColorStop(0, css("floor-light"));
+    light.addColorStop(1, css("floor"));
+    context.fillStyle = light;
+    context.fillRect(left, bottom, width, depth);
+    this.#paintGrid(context, scale);
+    context.save();
+    context.beginPath();
+    context.rect(left, bottom, width, depth);
+    context.clip();
+    for (const obstacle of this.#task.obstacles) this.#paintShadow(context, scale, obstacle);
+    context.restore();
+    context.strokeStyle = css("edge");
+    context.lineWidth = 0.018 * unit;
+    context.strokeRect(left, bottom, width, depth);
+    this.#paintEnds(context);
+    this.#paintScale(context);
+  }
+
+  #paintGrid(context) {
+    const { width, depth, unit, step, middle } = this.#task;
+    context.strokeStyle = this.#theme.css("grid");
+    context.lineWidth = 0.006 * unit;
+    context.beginPath();
+    const lines = (from, to, draw) => {
+      for (let i = Math.ceil(from / step); i * step < to; i++) draw(i * step);
+    };
+    lines(middle[0] - width / 2, middle[0] + width / 2, (x) => {
+      context.moveTo(x - middle[0], -depth / 2);
+      context.lineTo(x - middle[0], depth / 2);
+    });
+    lines(middle[1] - depth / 2, middle[1] + depth / 2, (y) => {
+      context.moveTo(-width / 2, y - middle[1]);
+      context.lineTo(width / 2, y - middle[1]);
+    });
+    context.stroke();
+  }
+
+  #paintShadow(context, scale, obstacle) {
+    const { unit } = this.#task;
+    context.save();
+    context.shadowColor = this.#theme.css("shadow");
+    context.shadowBlur = 0.14 * unit * scale;
+    context.shadowOffsetX = 0.07 * unit * scale;
+    context.shadowOffsetY = 0.09 * unit * scale;
+    context.fillStyle = this.#theme.css("obstacle");
+    context.translate(obstacle.x, obstacle.y);
+    context.rotate(obstacle.yaw ?? 0);
+    context.beginPath();
+    if (obstacle.radius !== undefined) context.arc(0, 0, obstacle.radius, 0, 2 * Math.PI);
+    else context.rect(-obstacle.length / 2, -obstacle.width / 2, obstacle.length, obstacle.width);
+    context.fill();
+    context.restore();
+  }
+
+  #paintEnds(context) {
+    const { start, goal, unit } = this.#task;
+    const ring = (x, y, radius, width, color, alpha) => {
+      context.globalAlpha = alpha;
+      context.strokeStyle = color;
+      context.lineWidth = width;
+      context.beginPath();
+      context.arc(x, y, radius - width / 2, 0, 2 * Math.PI);
+      context.stroke();
+      context.globalAlpha = 1;
+    };
+    const green = this.#theme.css("goal");
+    const [gx, gy, radius] = goal;
+    context.globalAlpha = 0.28;
+    context.fillStyle = green;
+    context.beginPath();
+    context.arc(gx, gy, radius, 0, 2 * Math.PI);
+    context.fill();
+    ring(gx, gy, radius, 0.16 * radius, green, 1);
+    ring(gx, gy, 0.58 * radius, 0.14 * radius, green, 1);
+    ring(gx, gy, 0.2 * radius, 0.2 * radius, green, 1);
+    const [sx, sy, yaw] = start;
+    const purple = this.#theme.css("start");
+    ring(sx, sy, 0.1 * unit, 0.025 * unit, purple, 1);
+    context.fillStyle = purple;
+    context.save();
+    context.translate(sx, sy);
+    context.rotate(yaw);
+    context.beginPath();
+    context.moveTo(0.06 * unit, 0);
+    context.lineTo(-0.035 * unit, 0.045 * unit);
+    context.lineTo(-0.035 * unit, -0.045 * unit);
+    context.fill();
+    context.restore();
+  }
+
+  #paintScale(context) {
+    const { scaleBar, unit } = this.#task;
+    const [x, y] = scaleBar.at;
+    context.strokeStyle = this.#theme.css("ink");
+    context.lineWidth = 0.02 * unit;
+    context.beginPath();
+    context.moveTo(x, y + 0.05 * unit);
+    context.lineTo(x, y);
+    context.lineTo(x + scaleBar.length, y);
+    context.lineTo(x + scaleBar.length, y + 0.05 * unit);
+    context.stroke();
+  }
+}
