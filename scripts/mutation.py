@@ -3,7 +3,8 @@
     scripts/mutate drake_shared/arbitration --tests tests/arbitration tests/systems/test_confidence_blender.py
 
 Each mutant changes one place of a module. It is killed if a test fails or takes much too long, and survives
-otherwise. Results are appended to a file of JSON lines, so that a run that was stopped continues.
+otherwise. Test files that import the changed module run first. Results are appended to a file of JSON lines,
+so that a run that was stopped continues.
 """
 
 from __future__ import annotations
@@ -13,11 +14,15 @@ import ast
 import concurrent.futures
 import difflib
 import hashlib
+import itertools
 import json
+import math
+import multiprocessing
 import os
 import queue
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -33,6 +38,8 @@ from cosmic_ray.plugins import get_operator
 from parso.tree import NodeOrLeaf
 
 ROOT = Path(__file__).resolve().parents[1]
+# Loaded once, in a process that forks one process for each mutant.
+_LIBRARIES = ("__main__", "pydrake.all", "torch", "pytest", "hypothesis", "scipy.optimize", "pyarrow.parquet")
 # One replacement for each operator; all pairs would be ten times as many, and as easily killed.
 _PAIRS = {
     "BinaryOperator": "Add_Sub Sub_Add Mul_Div Div_Mul Pow_Mul FloorDiv_Mul Mod_Mul",
@@ -88,31 +95,49 @@ class Mutant(NamedTuple):
         return hashlib.sha256(f"{self.module}\n{self.code}".encode()).hexdigest()[:16]
 
 
-def mutants_of(module: str) -> Iterator[Mutant]:
-    """All mutants of a module."""
+class Place(NamedTuple):
+    """An occurrence in a module of what an operator replaces."""
+
+    module: str
+    operator: str
+    occurrence: int
+
+
+def places_in(module: str) -> list[Place]:
+    """All places of a module that an operator replaces."""
+    nodes = list(ast_nodes(get_ast((ROOT / module).read_text(encoding="utf-8"))))
+    counts = {
+        name: sum(1 for node in nodes for _ in operator.mutation_positions(node))
+        for name, operator in _operators().items()
+    }
+    return [Place(module, name, index) for name, count in counts.items() for index in range(count)]
+
+
+def mutant_at(place: Place) -> Mutant | None:
+    """The mutant; None if it is invalid or changes only declarations."""
+    module, name, occurrence = place
     source = (ROOT / module).read_text(encoding="utf-8")
-    operators = {name: get_operator(name)() for name in OPERATORS}
-    operators["TakeFirstArgument"] = TakeFirstArgument()
-    for name, operator in operators.items():
-        nodes = ast_nodes(get_ast(source))
-        count = sum(1 for node in nodes for _ in operator.mutation_positions(node))
-        for occurrence in range(count):
-            code = mutate_code(source, operator, occurrence)
-            if code is None or _structure(code) in (None, _structure(source)):
-                continue
-            lines = difflib.unified_diff(
-                source.splitlines(), code.splitlines(), module, module, n=0, lineterm=""
-            )
-            yield Mutant(module, name.rpartition("/")[2], "\n".join(list(lines)[2:]), code)
+    code = mutate_code(source, _operators()[name], occurrence)
+    if code is None or _structure(code) in (None, _structure(source)):
+        return None
+    lines = difflib.unified_diff(source.splitlines(), code.splitlines(), module, module, n=0, lineterm="")
+    return Mutant(module, name.rpartition("/")[2], "\n".join(list(lines)[2:]), code)
+
+
+def _operators() -> dict[str, Operator]:
+    """The operators by name."""
+    return {**{name: get_operator(name)() for name in OPERATORS}, "TakeFirstArgument": TakeFirstArgument()}
 
 
 def _structure(code: str) -> str | None:
-    """The code apart from which arguments are keyword-only; None if it is invalid."""
+    """The code without the options of dataclasses and of arguments; None if it is invalid."""
     try:
         tree = ast.parse(code)
     except SyntaxError:
         return None
     for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("dataclass", "dataclasses.dataclass"):
+            node.keywords = []
         if isinstance(node, ast.arguments):
             names = [*node.posonlyargs, *node.args, *node.kwonlyargs]
             node.posonlyargs, node.args, node.kwonlyargs = [], names, []
@@ -129,15 +154,54 @@ def copy_checkout(folder: Path) -> Path:
     return folder
 
 
-def run_tests(folder: Path, tests: list[str], timeout: float) -> str:
-    """Runs the tests in a copy: "survived", "killed" or "timeout"."""
-    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "--no-header", *tests]
+def run_tests(folder: Path, tests: list[str], timeout: float, compiled: bool = False) -> str:
+    """Runs the tests in a copy: "survived", "killed" or "timeout"; ``compiled``: keeps the compiled files."""
+    context = multiprocessing.get_context("forkserver")
+    process = context.Process(target=_pytest, args=(folder, tests, compiled))
+    process.start()
+    process.join(timeout)
+    outcome = "timeout" if process.exitcode is None else "survived" if process.exitcode == 0 else "killed"
     try:
-        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, timeout=timeout)
-    except subprocess.TimeoutExpired:
-        return "timeout"
-    return "survived" if done.returncode == 0 else "killed"
+        os.killpg(process.pid, signal.SIGKILL)  # Also what the tests have started.
+    except ProcessLookupError:
+        process.kill()
+    process.join()
+    return outcome
+
+
+def _pytest(folder: Path, tests: list[str], compiled: bool) -> None:
+    """Runs pytest in this process, which becomes the leader of a process group."""
+    os.setpgid(0, 0)
+    os.chdir(folder)
+    os.environ["PYTHONPATH"] = str(folder)
+    sys.path.insert(0, str(folder))
+    sys.dont_write_bytecode = not compiled
+    with open(os.devnull, "r+b", buffering=0) as null:
+        for stream in range(3):
+            os.dup2(null.fileno(), stream)
+    import pytest
+
+    quiet = ["-q", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
+    os._exit(pytest.main(["-x", *quiet, *tests]))
+
+
+def in_order(tests: list[str], module: str) -> list[str]:
+    """The test files, those first that import the module."""
+    files = [
+        str(file.relative_to(ROOT))
+        for path in map(Path, tests)
+        for file in (sorted((ROOT / path).rglob("test_*.py")) if path.is_dir() else [ROOT / path])
+    ]
+    name = module.removesuffix(".py").replace("/", ".")
+    return sorted(files, key=lambda file: name not in (ROOT / file).read_text(encoding="utf-8"))
+
+
+def wilson_interval(killed: int, total: int) -> tuple[float, float]:
+    """The 95% interval of Wilson (1927) of the share of killed mutants."""
+    z = 1.96
+    centre = (killed + z**2 / 2) / (total + z**2)
+    half = z * math.sqrt(killed * (total - killed) / total + z**2 / 4) / (total + z**2)
+    return centre - half, centre + half
 
 
 def main() -> int:
@@ -157,25 +221,25 @@ def main() -> int:
         for path in map(Path, options.paths)
         for file in (sorted(path.rglob("*.py")) if path.is_dir() else [path])
     ]
-    mutants = [mutant for module in modules for mutant in mutants_of(module)]
-    total = len(mutants)
-    if 0 < options.sample < total:
-        mutants = random.Random(options.seed).sample(mutants, options.sample)
+    places = [place for module in modules for place in places_in(module)]
+    random.Random(options.seed).shuffle(places)
+    drawn = filter(None, map(mutant_at, places))
+    mutants = list(itertools.islice(drawn, options.sample or None))
     known = {}
     if options.results.is_file():
         lines = options.results.read_text(encoding="utf-8").splitlines()
         known = {item["key"]: item for item in map(json.loads, lines)}
     end = time.monotonic() + 60.0 * options.minutes
+    multiprocessing.get_context("forkserver").set_forkserver_preload(list(_LIBRARIES))
 
     with tempfile.TemporaryDirectory() as temporary:
         copies: queue.Queue[Path] = queue.Queue()
         for job in range(options.jobs):
             copies.put(copy_checkout(Path(temporary) / str(job)))
         start = time.monotonic()
-        folder = copies.get()
-        if run_tests(folder, options.tests, 3600.0) != "survived":
-            sys.exit("the tests fail without a mutation")
-        copies.put(folder)
+        for folder in list(copies.queue):
+            if run_tests(folder, options.tests, 3600.0, compiled=True) != "survived":
+                sys.exit("the tests fail without a mutation")
         timeout = 4.0 * (time.monotonic() - start) + 20.0
 
         def judge(mutant: Mutant) -> dict[str, str] | None:
@@ -183,7 +247,7 @@ def main() -> int:
                 return known.get(mutant.key)
             copy = copies.get()
             (copy / mutant.module).write_text(mutant.code, encoding="utf-8")
-            outcome = run_tests(copy, options.tests, timeout)
+            outcome = run_tests(copy, in_order(options.tests, mutant.module), timeout)
             shutil.copy2(ROOT / mutant.module, copy / mutant.module)
             copies.put(copy)
             return {"key": mutant.key, "outcome": outcome, **mutant._replace(code="")._asdict()}
@@ -203,7 +267,8 @@ def main() -> int:
         print(f"{result['module']} ({result['operator']})\n{result['difference']}\n")
     killed = len(results) - len(survivors)
     if results:
-        print(f"{killed} of {len(results)} mutants killed ({killed / len(results):.1%}), of {total} in all")
+        low, high = wilson_interval(killed, len(results))
+        print(f"{killed} of {len(results)} mutants killed ({low:.0%} to {high:.0%}); {len(places)} in all")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""DiffDrivePlant alone, and before obstacles through a SceneGraph."""
+"""DiffDrivePlant alone, and with obstacles in a SceneGraph."""
 
 import math
 
@@ -16,22 +16,22 @@ from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 
 ROBOT = DiffDrive()
 FOOTPRINT = ROBOT.footprint_radius
-# Wheels that are where they are told to be at once.
+# Its wheels reach the commanded speed immediately.
 SUDDEN = DiffDrive(max_speed=1e3, max_acceleration=1e12)
 TOUCHING = 2.1e-6
 
 
 class Bench:
-    """A plant among obstacles, and its Context."""
+    """A plant, obstacles, and the plant's Context."""
 
-    def __init__(self, obstacles=(), *, looks=False, **options):
+    def __init__(self, obstacles=(), *, illustration=False, **options):
         builder = DiagramBuilder()
         self.scene_graph = builder.AddSystem(SceneGraph())
         register_obstacles(self.scene_graph, list(obstacles))
-        scene_graph = self.scene_graph if looks else None
+        scene_graph = self.scene_graph if illustration else None
         self.dut = builder.AddSystem(DiffDrivePlant(scene_graph=scene_graph, **options))
         builder.Connect(self.scene_graph.get_query_output_port(), self.dut.GetInputPort("geometry_query"))
-        if looks:
+        if illustration:
             builder.Connect(
                 self.dut.GetOutputPort("geometry_pose"),
                 self.scene_graph.get_source_pose_port(self.dut.source_id()),
@@ -55,7 +55,7 @@ class Bench:
         return self.dut.GetOutputPort(port).Eval(self.context).copy()
 
 
-def test_starts_at_the_start_at_rest():
+def test_the_initial_state_is_the_start_at_rest():
     bench = Bench(robot=ROBOT, start=Start(x=1.0, y=-2.0, yaw=0.5))
     np.testing.assert_array_equal(bench.pose, [1.0, -2.0, 0.5])
     np.testing.assert_array_equal(bench.wheel_speed, [0, 0])
@@ -63,7 +63,7 @@ def test_starts_at_the_start_at_rest():
 
 
 @pytest.mark.parametrize("wheels", [(5.0, 7.0), (8.0, 8.0), (-3.0, 3.0), (-6.0, -2.0), (12.0, 11.9999)])
-def test_drives_the_closed_form_arc_for_15_s_within_a_nanometre(wheels):
+def test_the_path_is_the_closed_form_arc_within_a_nanometre_over_15_s(wheels):
     bench = Bench(robot=SUDDEN, start=Start(x=0.2, y=-0.4, yaw=0.7), period=0.05).step(wheels, count=300)
     speed = 0.0975 * (wheels[0] + wheels[1]) / 2
     yaw_rate = 0.0975 * (wheels[1] - wheels[0]) / 0.33
@@ -83,14 +83,14 @@ def test_the_arc_does_not_depend_on_the_period():
     np.testing.assert_allclose(coarse.pose, fine.pose, rtol=0, atol=1e-9)
 
 
-def test_wheels_gain_speed_no_faster_than_they_may():
+def test_wheel_acceleration_is_limited():
     bench = Bench(robot=ROBOT, period=0.05)
     change = 0.05 * ROBOT.max_wheel_acceleration
     for count in range(1, 6):
         np.testing.assert_allclose(bench.step([10.0, -10.0]).wheel_speed, [count * change, -count * change])
 
 
-def test_wheels_turn_no_faster_than_they_can():
+def test_wheel_speed_is_limited():
     bench = Bench(robot=ROBOT).step([1e6, -1e6], count=100)
     np.testing.assert_allclose(bench.wheel_speed, [ROBOT.max_wheel_speed, -ROBOT.max_wheel_speed])
 
@@ -101,21 +101,21 @@ def test_each_wheel_reaches_the_command_exactly():
 
 
 @pytest.mark.parametrize("nothing", [math.nan, math.inf, -math.inf])
-def test_what_is_no_number_counts_as_zero(nothing):
+def test_a_command_that_is_nan_or_infinite_counts_as_zero(nothing):
     bench = Bench(robot=ROBOT).step([nothing, 2.0], count=20)
     np.testing.assert_array_equal(bench.wheel_speed, [0.0, 2.0])
     assert np.isfinite(bench.pose).all()
 
 
-def test_nothing_feeds_through_from_the_command():
-    dut = Bench(robot=ROBOT, looks=True).dut
+def test_no_output_has_direct_feedthrough_from_the_command():
+    dut = Bench(robot=ROBOT, illustration=True).dut
     command = dut.GetInputPort("wheel_command").get_index()
     for output in range(dut.num_output_ports()):
         assert not dut.HasDirectFeedthrough(command, output)
 
 
 def test_geometry_pose_depends_on_no_input():
-    dut = Bench(robot=ROBOT, looks=True).dut
+    dut = Bench(robot=ROBOT, illustration=True).dut
     assert not dut.HasDirectFeedthrough(dut.GetOutputPort("geometry_pose").get_index())
     lonely = dut.CreateDefaultContext()
     dut.SetPose(lonely, [1.0, 2.0, 0.5])
@@ -124,7 +124,7 @@ def test_geometry_pose_depends_on_no_input():
     assert RollPitchYaw(X_WR.rotation()).yaw_angle() == pytest.approx(0.5)
 
 
-def test_contexts_do_not_know_of_each_other():
+def test_contexts_are_independent():
     bench = Bench(robot=ROBOT)
     other = bench.diagram.CreateDefaultContext()
     bench.step([5.0, 5.0], count=10)
@@ -133,7 +133,7 @@ def test_contexts_do_not_know_of_each_other():
     )
 
 
-def test_without_a_scene_there_is_no_obstacle():
+def test_without_obstacles_clearance_is_infinite():
     dut = DiffDrivePlant(robot=ROBOT)
     assert dut.GetOutputPort("clearance").Eval(dut.CreateDefaultContext()) == math.inf
     assert Bench(robot=ROBOT).clearance == math.inf
@@ -154,7 +154,7 @@ def test_clearance_to_a_box_is_exact_beside_its_faces_and_its_corners():
     assert bench.at(1.8, 0.65, 0).clearance == pytest.approx(0.5 - FOOTPRINT, abs=1e-12)
 
 
-def test_the_nearest_obstacle_counts():
+def test_clearance_is_the_distance_to_the_nearest_obstacle():
     circles = [Circle(name=str(y), x=0.0, y=y, radius=0.5) for y in (-3.0, 2.0)]
     assert Bench(circles, robot=ROBOT).clearance == pytest.approx(1.5 - FOOTPRINT)
 
@@ -189,7 +189,7 @@ def test_a_robot_at_a_wall_can_back_away():
     assert bench.contact == 0
 
 
-def test_a_robot_at_a_wall_that_turned_round_can_drive_off():
+def test_a_robot_at_a_wall_can_turn_round_and_drive_away():
     bench = at_the_wall()
     while bench.pose[2] < 2.5:
         bench.step([-4.0, 4.0])
@@ -198,22 +198,22 @@ def test_a_robot_at_a_wall_that_turned_round_can_drive_off():
     assert bench.clearance > 0.2
 
 
-def test_a_turning_robot_goes_on_turning_when_it_is_stopped():
+def test_contact_stops_translation_but_not_rotation():
     bench = Bench([WALL], robot=SUDDEN, period=1.0).step([11.0, 12.0])
     assert bench.contact == 1
     assert bench.pose[2] == pytest.approx(0.0975 / 0.33)
     np.testing.assert_allclose(bench.wheel_speed, [-0.5, 0.5])
 
 
-def test_passing_close_by_is_no_contact():
+def test_passing_an_obstacle_closely_is_not_a_contact():
     bench = Bench([Circle(name="pillar", x=1.0, y=0.25 + FOOTPRINT + 1e-4, radius=0.25)], robot=ROBOT)
     contacts = [bench.step([10.0, 10.0]).contact[0] for _ in range(60)]
     assert bench.pose[0] > 2.0
     assert not any(contacts)
 
 
-def test_touching_in_the_middle_of_a_step_counts_although_the_robot_is_back_by_its_end():
-    """Rolling on while it brakes, it would meet the wall 0.48 m ahead; then it reverses."""
+def test_a_contact_in_the_middle_of_a_step_counts():
+    """While it brakes, the robot would roll 0.48 m, past the wall; it reverses before the end of the step."""
     wall = Box(name="wall", x=FOOTPRINT + 0.2 + 0.1, y=0.0, length=0.2, width=4.0)
     bench = Bench([wall], robot=DiffDrive(max_acceleration=1.5), period=3.0)
     bench.context.SetDiscreteState(1, [12.0, 12.0])
@@ -221,7 +221,7 @@ def test_touching_in_the_middle_of_a_step_counts_although_the_robot_is_back_by_i
     assert 0 <= bench.clearance <= TOUCHING
 
 
-def test_between_two_walls_too_near_to_each_other_the_robot_touches_the_first():
+def test_a_gap_narrower_than_the_robot_stops_it():
     walls = [
         Box(name="upper", x=1.0, y=0.5, length=0.2, width=0.6),
         Box(name="lower", x=1.0, y=-0.5, length=0.2, width=0.6),
@@ -245,7 +245,7 @@ def random_scene(rng: np.random.Generator) -> list:
 
 
 def undisturbed(robot: DiffDrive, pose, wheels, command, period: float) -> np.ndarray:
-    """Where the robot's centre would go in a step with nothing in its way, finely, by plain summation."""
+    """Path of the robot's centre in a step without obstacles, by fine numerical integration."""
     time = np.linspace(0, period, 20_001)
     change = robot.max_wheel_acceleration * time
     command = np.clip(command, -robot.max_wheel_speed, robot.max_wheel_speed)
@@ -262,7 +262,7 @@ def undisturbed(robot: DiffDrive, pose, wheels, command, period: float) -> np.nd
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_never_passes_into_an_obstacle_at_any_speed_or_step(seed):
+def test_the_robot_never_penetrates_an_obstacle_at_any_speed_or_period(seed):
     """300 random starts, wheels to 1000 rad/s, steps to 3 s."""
     rng = np.random.default_rng(seed)
     obstacles = random_scene(rng)
@@ -280,7 +280,7 @@ def test_never_passes_into_an_obstacle_at_any_speed_or_step(seed):
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_contact_is_told_if_and_only_if_there_is_something_in_the_way(seed):
+def test_contact_is_reported_if_and_only_if_an_obstacle_is_on_the_path(seed):
     rng = np.random.default_rng(1000 + seed)
     obstacles = random_scene(rng)
     robot = DiffDrive(max_acceleration=float(rng.choice([1.5, 30.0])))
@@ -306,7 +306,7 @@ def test_contact_is_told_if_and_only_if_there_is_something_in_the_way(seed):
             np.testing.assert_allclose(bench.pose[:2], way[-1], atol=1e-5)
 
 
-def test_pressing_on_for_long_never_wears_a_wall_down():
+def test_the_robot_never_penetrates_a_wall_however_long_it_pushes():
     bench = at_the_wall()
     rng = np.random.default_rng(4)
     for _ in range(150):
@@ -314,8 +314,8 @@ def test_pressing_on_for_long_never_wears_a_wall_down():
         assert bench.clearance >= 0
 
 
-def test_the_robot_is_seen_and_not_felt():
-    bench = Bench([WALL], robot=ROBOT, looks=True)
+def test_the_robot_has_illustration_geometry_and_no_proximity_geometry():
+    bench = Bench([WALL], robot=ROBOT, illustration=True)
     inspector = bench.scene_graph.model_inspector()
     frame = bench.dut.frame_id()
     assert inspector.NumGeometriesForFrameWithRole(frame, Role.kIllustration) >= 4
@@ -323,26 +323,26 @@ def test_the_robot_is_seen_and_not_felt():
     assert bench.clearance == pytest.approx(0.9 - FOOTPRINT)
 
 
-def test_the_robot_is_seen_where_it_is():
-    bench = Bench(robot=ROBOT, looks=True).at(1.0, 2.0, 0.5)
+def test_the_illustration_geometry_is_at_the_pose_of_the_robot():
+    bench = Bench(robot=ROBOT, illustration=True).at(1.0, 2.0, 0.5)
     query = bench.scene_graph.get_query_output_port().Eval(bench.scene_graph.GetMyContextFromRoot(bench.root))
     X_WR = query.GetPoseInWorld(bench.dut.frame_id())
     np.testing.assert_allclose(X_WR.translation(), [1.0, 2.0, 0.0])
 
 
-def test_a_model_that_is_none_is_refused(tmp_path):
+def test_a_file_that_is_not_a_model_is_refused(tmp_path):
     (tmp_path / "tank.sdf").write_text("<sdf version='1.9'><nothing/></sdf>")
     with pytest.raises(InputError, match=r"tank\.sdf must be an SDF file with one model"):
-        Bench(robot=DiffDrive(model=str(tmp_path / "tank.sdf")), looks=True)
+        Bench(robot=DiffDrive(model=str(tmp_path / "tank.sdf")), illustration=True)
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, math.nan, math.inf])
-def test_refuses_a_period_that_means_nothing(period):
+def test_a_period_that_is_not_positive_and_finite_is_refused(period):
     with pytest.raises(ValueError, match="period must be positive and finite"):
         DiffDrivePlant(robot=ROBOT, period=period)
 
 
-def test_a_floor_is_no_obstacle_where_the_obstacles_are_given():
+def test_only_the_given_geometries_are_obstacles():
     """A floor with a proximity role lies under every pose."""
     builder = DiagramBuilder()
     scene_graph = builder.AddSystem(SceneGraph())
@@ -365,7 +365,7 @@ def test_a_floor_is_no_obstacle_where_the_obstacles_are_given():
     plants[1].get_wheel_command_input_port().FixValue(context, [20.0, 20.0])
     for _ in range(20):
         context.get_mutable_discrete_state().SetFrom(plants[1].EvalUniquePeriodicDiscreteUpdate(context))
-    # It drives over the floor, and stops at the pillar.
+    # The robot drives over the floor and stops at the pillar.
     assert plants[1].get_pose_output_port().Eval(context)[0] == pytest.approx(
         1.0 - 0.25 - FOOTPRINT, abs=1e-5
     )

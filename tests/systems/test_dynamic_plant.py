@@ -1,4 +1,4 @@
-"""DynamicPlant against the kinematic one, before obstacles, and in the whole loop."""
+"""DynamicPlant compared with the kinematic plant, with obstacles, and in a whole trial."""
 
 import copy
 import math
@@ -26,7 +26,7 @@ WALL = Box(name="wall", x=1.0, y=0.0, length=0.2, width=3.0)
 
 
 class Bench:
-    """A plant among obstacles, and its Context."""
+    """A plant, obstacles, and the plant's Context."""
 
     def __init__(self, obstacles=(), **options):
         builder = DiagramBuilder()
@@ -47,7 +47,7 @@ class Bench:
 
 
 def drive(dut, context, commands: np.ndarray) -> np.ndarray:
-    """Poses (n, 3) to which ``commands`` (n, 2), one a period, lead."""
+    """Poses (n, 3) after each of the ``commands`` (n, 2), one per period."""
     poses = []
     for command in commands:
         dut.GetInputPort("wheel_command").FixValue(context, command)
@@ -56,8 +56,8 @@ def drive(dut, context, commands: np.ndarray) -> np.ndarray:
     return np.array(poses)
 
 
-def ways(start: Start, commands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (n, 3) of a kinematic and a dynamic robot that are told the same."""
+def both_paths(start: Start, commands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (n, 3) of the kinematic and the dynamic robot for the same commands."""
     plants = (DiffDrivePlant(robot=ROBOT, start=start), DynamicPlant(robot=ROBOT, start=start))
     kinematic, dynamic = (drive(dut, dut.CreateDefaultContext(), commands) for dut in plants)
     return kinematic, dynamic
@@ -74,27 +74,27 @@ def test_has_the_ports_of_the_kinematic_plant():
 
 
 @pytest.mark.parametrize("wheels", [(7.0, 7.0), (12.3, 12.3), (4.1, 6.1), (-5.0, -4.0), (-2.0, 2.0)])
-def test_stays_within_2_cm_of_the_kinematic_robot_over_15_s(wheels):
+def test_the_position_stays_within_2_cm_of_the_kinematic_robot_over_15_s(wheels):
     commands = np.tile(wheels, (300, 1))
     commands[280:] = 0.0
-    kinematic, dynamic = ways(Start(x=0.3, y=-0.2, yaw=0.7), commands)
+    kinematic, dynamic = both_paths(Start(x=0.3, y=-0.2, yaw=0.7), commands)
     assert np.hypot(*(kinematic - dynamic)[:, :2].T).max() < 0.02
     np.testing.assert_allclose(dynamic[:, 2], kinematic[:, 2], rtol=0, atol=0.02)
 
 
 @pytest.mark.parametrize("task", ["two_obstacles", "three_obstacles", "doorway"])
-def test_stays_within_2_cm_on_what_an_operator_commands(task):
+def test_the_position_stays_within_2_cm_of_the_kinematic_robot_for_an_operators_commands(task):
     scenario = load_scenario(task)
     simulation = Simulation(scenario)
     for route in scenario.routes:
         trial = simulation.run(TrialSettings(route=route.name, seed=1))
-        kinematic, dynamic = ways(scenario.start, trial.commands("human")[:-1])
+        kinematic, dynamic = both_paths(scenario.start, trial.commands("human")[:-1])
         np.testing.assert_allclose(kinematic[:, :2], trial.positions[1:], rtol=0, atol=1e-9)
         assert np.hypot(*(kinematic - dynamic)[:, :2].T).max() < 0.02, route.name
 
 
-def test_wheels_that_are_told_too_much_slip():
-    """What a tyre of friction 0.8 can pull is no more than 0.8 g; a kinematic robot knows no such thing."""
+def test_wheels_slip_if_the_command_needs_more_than_friction():
+    """Friction of 0.8 limits the acceleration to 0.8 g."""
     sudden = DiffDrive(max_acceleration=1e6)
     dut = DynamicPlant(robot=sudden)
     pose = drive(dut, context := dut.CreateDefaultContext(), np.full((2, 2), 12.0))[-1]
@@ -102,13 +102,13 @@ def test_wheels_that_are_told_too_much_slip():
     assert dut.GetOutputPort("wheel_speed").Eval(context)[0] > 4.0
 
 
-def test_stands_still_and_does_not_bounce_when_nothing_is_told():
+def test_stands_still_without_a_finite_command():
     bench = Bench(start=Start(x=0.4, y=-0.3, yaw=2.0)).step([math.nan, 0.0], count=40)
     np.testing.assert_allclose(bench.pose, [0.4, -0.3, 2.0], rtol=0, atol=1e-5)
     np.testing.assert_allclose(bench.wheel_speed, 0, atol=1e-5)
 
 
-def test_turns_count_on():
+def test_yaw_is_not_wrapped():
     assert Bench().step([-4.0, 4.0], count=200).pose[2] > 4 * math.pi
 
 
@@ -118,14 +118,14 @@ def test_an_obstacle_stops_the_robot_which_can_back_away(obstacle):
     assert bench.contact == 1
     assert abs(bench.clearance[0]) < 1e-3
     bench.step([0.0, 0.0], count=10)
-    # At rest there is no more push than leaves it where it touches.
+    # At rest the contact force does not push the robot away.
     assert abs(bench.clearance[0]) < 1e-3
     bench.step([-5.0, -5.0], count=20)
     assert bench.contact == 0
     assert bench.clearance > 0.2
 
 
-def test_contact_begins_where_clearance_ends():
+def test_contact_is_reported_where_clearance_reaches_zero():
     bench = Bench([WALL], start=Start(yaw=0.3))
     seen = 0
     for _ in range(60):
@@ -144,7 +144,7 @@ def test_without_obstacles_clearance_is_infinite():
     assert dut.GetOutputPort("clearance").Eval(dut.CreateDefaultContext()) == math.inf
 
 
-def test_what_is_to_come_depends_on_the_context_alone():
+def test_the_motion_depends_on_the_context_alone():
     bench = Bench([WALL])
     commands = np.random.default_rng(4).uniform(-3.0, 9.0, (30, 2))
     first = drive(bench.dut, bench.context, commands[:10])
@@ -157,7 +157,7 @@ def test_what_is_to_come_depends_on_the_context_alone():
 
 
 @pytest.mark.parametrize("period", [0.02, 0.007, 0.004])
-def test_any_period_will_do(period):
+def test_every_period_gives_the_same_path(period):
     commands = np.tile([6.0, 7.0], (round(2 / period), 1))
     dynamic = DynamicPlant(robot=ROBOT, period=period)
     kinematic = DiffDrivePlant(robot=ROBOT, period=period)
@@ -182,7 +182,7 @@ def test_the_shipped_learner_shares_the_control(dynamic_simulation, route):
     assert trial["human_weight"].min() < 0.9
 
 
-def test_a_log_says_so_and_can_be_shown(dynamic_simulation, tmp_path):
+def test_a_log_names_the_plant_and_can_be_replayed(dynamic_simulation, tmp_path):
     assert isinstance(dynamic_simulation.parts.plant, DynamicPlant)
     assert not dynamic_simulation.diagram.HasAnyDirectFeedthrough()
     running = dynamic_simulation.begin(TrialSettings(route="left_right"))

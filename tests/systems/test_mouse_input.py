@@ -1,4 +1,4 @@
-"""MouseInput in Drake's form: a source and a clock of our own, updates one by one, facts about them."""
+"""MouseInput with a fake source and a fake clock, one update at a time."""
 
 import dataclasses
 import math
@@ -14,7 +14,7 @@ PERIOD = 0.005
 
 
 class FakeDriver:
-    """A source whose newest sample, and a clock whose time, the test sets."""
+    """A source and a clock; the test sets the newest sample and the time."""
 
     def __init__(self, **sample):
         self.now = 100.0
@@ -31,7 +31,7 @@ class FakeDriver:
 
 
 class Bench:
-    """One MouseInput and its Context."""
+    """A MouseInput and its Context."""
 
     def __init__(self, driver: FakeDriver, **options):
         self.driver = driver
@@ -67,19 +67,19 @@ def bench() -> Bench:
     return Bench(FakeDriver(engaged=True, engagement=1, stick=no_dead_zone), max_speed=0.8, max_yaw_rate=1.5)
 
 
-def test_away_from_the_driver_is_forward_and_right_is_negative_yaw(bench):
+def test_a_push_away_drives_forward_and_a_push_to_the_right_turns_right(bench):
     bench.step(y=-50)
     assert bench.twist == pytest.approx((0.4, 0.0))
     bench.step(x=20)
     assert bench.twist == pytest.approx((0.4, -0.3))
 
 
-def test_towards_the_driver_is_reverse(bench):
+def test_a_pull_towards_the_driver_drives_backward(bench):
     bench.step(y=100)
     assert bench.twist == pytest.approx((-0.8, 0.0))
 
 
-def test_command_is_state_that_answers_one_update_later_and_never_feeds_through(bench):
+def test_the_command_is_state_without_direct_feedthrough(bench):
     assert not bench.dut.HasAnyDirectFeedthrough()
     bench.driver.set(y=-50)
     np.testing.assert_array_equal(bench.command, [0, 0])
@@ -93,7 +93,7 @@ def test_updates_every_period():
     assert (timing.period_sec(), timing.offset_sec()) == (PERIOD, 0.0)
 
 
-def test_stick_holds_while_engaged(bench):
+def test_the_stick_keeps_its_deflection_while_engaged(bench):
     bench.step(y=-50)
     held = bench.command
     for _ in range(40):
@@ -101,7 +101,7 @@ def test_stick_holds_while_engaged(bench):
     np.testing.assert_array_equal(bench.command, held)
 
 
-def test_merged_moves_lose_nothing(bench):
+def test_merged_mouse_moves_lose_no_displacement(bench):
     one_by_one, merged = bench, Bench(FakeDriver(engaged=True, engagement=1, stick=bench.driver.sample.stick))
     for count in range(1, 31):
         one_by_one.step(y=-count, x=2 * count)
@@ -110,14 +110,14 @@ def test_merged_moves_lose_nothing(bench):
     assert one_by_one.mouse == pytest.approx(merged.mouse)
 
 
-def test_stick_is_clipped_so_that_turning_back_answers_at_once(bench):
+def test_the_stick_is_clipped_so_that_a_move_back_takes_effect_immediately(bench):
     bench.step(y=-250)
     assert bench.mouse["forward"] == 1.0
     bench.step(y=-200)
     assert bench.mouse["forward"] == pytest.approx(0.5)
 
 
-def test_one_sample_cannot_jump_further_than_the_largest_displacement():
+def test_the_displacement_of_one_sample_is_limited():
     stick = StickSettings(gain=0.001, dead_zone=0.0)
     bench = Bench(FakeDriver(engaged=True, engagement=1, stick=stick), max_displacement=100.0)
     bench.step(x=5000, y=-90)
@@ -126,7 +126,7 @@ def test_one_sample_cannot_jump_further_than_the_largest_displacement():
     assert bench.mouse["x"] == 5000
 
 
-def test_dead_zone_reads_zero_and_the_rest_reaches_full_deflection():
+def test_the_deflection_is_zero_in_the_dead_zone_and_reaches_one_outside_it():
     stick = StickSettings(gain=0.01, dead_zone=0.2)
     bench = Bench(FakeDriver(engaged=True, engagement=1, stick=stick), max_speed=1.0)
     assert bench.step(y=-20).twist[0] == 0.0
@@ -135,7 +135,7 @@ def test_dead_zone_reads_zero_and_the_rest_reaches_full_deflection():
     assert bench.step(y=60).twist[0] == pytest.approx(-0.5)
 
 
-def test_return_time_brings_the_stick_from_full_deflection_to_the_centre(bench):
+def test_the_stick_returns_from_full_deflection_to_the_centre_in_the_return_time(bench):
     bench.step(y=-100, stick=StickSettings(gain=0.01, dead_zone=0.0, return_time=0.4))
     assert bench.mouse["forward"] == 1.0
     bench.step(count=40)
@@ -144,13 +144,13 @@ def test_return_time_brings_the_stick_from_full_deflection_to_the_centre(bench):
     assert bench.twist == (0.0, 0.0)
 
 
-def test_settings_change_while_driving(bench):
+def test_settings_take_effect_while_driving(bench):
     bench.step(y=-10)
     bench.step(stick=StickSettings(gain=0.02, dead_zone=0.0), y=-20)
     assert bench.mouse["forward"] == pytest.approx(0.1 + 0.2)
 
 
-def test_keys_and_gamepad_add_to_the_stick(bench):
+def test_keys_and_gamepad_are_added_to_the_stick(bench):
     assert bench.step(forward=0.5, turn=1.0).twist == pytest.approx((0.4, 1.5))
     assert bench.step(y=-25).mouse["forward"] == pytest.approx(0.75)
     assert bench.step(y=-100).mouse["forward"] == 1.0
@@ -158,7 +158,7 @@ def test_keys_and_gamepad_add_to_the_stick(bench):
     assert bench.twist == pytest.approx((0.8, 0.0))
 
 
-def test_wheels_limit_speed_and_yaw_rate_alike():
+def test_the_wheels_limit_scales_speed_and_yaw_rate_by_the_same_factor():
     driver = FakeDriver(engaged=True, engagement=1, forward=1.0, turn=1.0)
     bench = Bench(driver, max_speed=2.0, max_yaw_rate=3.0).step()
     speed, yaw_rate = bench.twist
@@ -166,19 +166,19 @@ def test_wheels_limit_speed_and_yaw_rate_alike():
     assert speed / yaw_rate == pytest.approx(2.0 / 3.0)
 
 
-def test_nobody_engaged_is_zero():
+def test_the_command_is_zero_while_nobody_is_engaged():
     bench = Bench(FakeDriver(engaged=False, y=-500, forward=1.0)).step(count=5)
     np.testing.assert_array_equal(bench.command, [0, 0])
     assert bench.mouse["engaged"] == 0
 
 
-def test_before_any_sample_came_the_age_is_finite():
+def test_the_age_is_finite_before_the_first_sample():
     driver = FakeDriver()
     driver.sample = MouseSample()
     assert math.isfinite(Bench(driver).step().mouse["age"])
 
 
-def test_letting_go_is_zero_at_the_next_sample_and_centres_the_stick(bench):
+def test_release_zeroes_the_command_at_the_next_sample_and_centres_the_stick(bench):
     bench.step(y=-80)
     bench.step(engaged=False)
     np.testing.assert_array_equal(bench.command, [0, 0])
@@ -186,7 +186,7 @@ def test_letting_go_is_zero_at_the_next_sample_and_centres_the_stick(bench):
     np.testing.assert_array_equal(bench.command, [0, 0])
 
 
-def test_a_sample_older_than_150_ms_is_zero(bench):
+def test_the_command_of_a_sample_older_than_150_ms_is_zero(bench):
     bench.step(y=-80)
     bench.driver.now += 0.149
     assert np.all(bench.step().command > 0)
@@ -195,7 +195,7 @@ def test_a_sample_older_than_150_ms_is_zero(bench):
     assert bench.mouse["age"] == pytest.approx(0.151)
 
 
-def test_after_a_pause_the_stick_is_where_the_hand_has_it(bench):
+def test_after_a_gap_the_stick_follows_the_total_displacement(bench):
     bench.step(y=-80)
     bench.driver.now += 0.3
     np.testing.assert_array_equal(bench.step().command, [0, 0])
@@ -203,7 +203,7 @@ def test_after_a_pause_the_stick_is_where_the_hand_has_it(bench):
     assert bench.twist == pytest.approx((0.3 * 0.8, 0.0))
 
 
-def test_a_new_engagement_starts_centred_and_counts_from_its_own_zero(bench):
+def test_a_new_engagement_starts_at_the_centre_with_its_own_origin(bench):
     bench.step(y=-80)
     bench.step(engagement=2, x=0, y=0)
     np.testing.assert_array_equal(bench.command, [0, 0])
@@ -212,14 +212,14 @@ def test_a_new_engagement_starts_centred_and_counts_from_its_own_zero(bench):
 
 
 @pytest.mark.parametrize("field", ["x", "y", "forward", "turn"])
-def test_numbers_that_are_none_do_not_stay(bench, field):
+def test_nan_in_a_sample_does_not_remain_in_the_state(bench, field):
     bench.step(**{field: math.nan})
     np.testing.assert_array_equal(bench.command, [0, 0])
     bench.step(**{field: 0.0})
     assert bench.step(y=-10).mouse["forward"] == pytest.approx(0.1)
 
 
-def test_a_fresh_context_knows_nothing_of_the_last_trial(bench):
+def test_a_new_context_does_not_depend_on_the_last_trial(bench):
     bench.step(y=-80)
     bench.context = bench.dut.CreateDefaultContext()
     np.testing.assert_array_equal(bench.command, [0, 0])
@@ -228,7 +228,7 @@ def test_a_fresh_context_knows_nothing_of_the_last_trial(bench):
 
 @pytest.mark.parametrize("name", ["max_speed", "max_yaw_rate", "period", "stale_after", "max_displacement"])
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
-def test_numbers_out_of_range_are_refused(name, value):
+def test_parameters_out_of_range_are_refused(name, value):
     with pytest.raises(InputError) as caught:
         Bench(FakeDriver(), **{name: value})
     assert caught.value.field == name
@@ -245,13 +245,13 @@ def test_idle_time_counts_from_the_last_event_and_not_from_the_last_sample(event
     bench = Bench(FakeDriver(engaged=True, engagement=1)).step()
     for _ in range(10):
         bench.step(20)
-        bench.driver.set()  # Heard again, with nothing new.
+        bench.driver.set()  # A new sample without an event.
     assert idle_time(bench) == pytest.approx(200 * PERIOD)
     assert idle_time(bench.step(**event)) == 0.0
     assert idle_time(bench.step(4)) == pytest.approx(4 * PERIOD)
 
 
-def test_idle_time_is_infinite_until_somebody_touches_the_controls():
+def test_idle_time_is_infinite_before_the_first_event():
     bench = Bench(FakeDriver())
     assert idle_time(bench.step(4)) == math.inf
     bench.step(engaged=True, engagement=1)
@@ -259,7 +259,7 @@ def test_idle_time_is_infinite_until_somebody_touches_the_controls():
     assert idle_time(bench.step(3)) == pytest.approx(3 * PERIOD)
 
 
-def test_a_driver_who_holds_the_controls_at_the_start_has_just_touched_them():
+def test_an_engagement_at_the_start_is_an_event():
     bench = Bench(FakeDriver(engaged=True, engagement=3))
     assert idle_time(bench) == math.inf
     assert idle_time(bench.step()) == 0.0
@@ -272,7 +272,7 @@ def test_full_deflection_scales_with_the_robot():
     assert other.max_speed == pytest.approx(0.08)
 
 
-def test_the_noise_of_a_gamepad_inside_the_dead_zone_is_no_event():
+def test_noise_of_a_gamepad_inside_the_dead_zone_is_not_an_event():
     bench = Bench(FakeDriver(engaged=True, engagement=1, stick=StickSettings(dead_zone=0.1)))
     bench.step(forward=1.0).step(forward=0.0)
     for index in range(1, 6):

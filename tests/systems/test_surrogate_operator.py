@@ -1,4 +1,4 @@
-"""SurrogateOperator: what it does with what it sees, and whether it gets there."""
+"""SurrogateOperator: its command, its imperfections, and whether it reaches the goal."""
 
 import copy
 import dataclasses
@@ -22,7 +22,7 @@ PERIOD = 0.05
 
 
 class Source(LeafSystem):
-    """Gives what a function of time says."""
+    """Outputs the value of a function of time."""
 
     def __init__(self, size: int, function):
         super().__init__()
@@ -35,7 +35,7 @@ class Source(LeafSystem):
 
 
 def commands(scenario, *, pose, behaviour=CALM, route=None, duration=2.0, noise=None, **others) -> np.ndarray:
-    """Commands (n, 2) of an operator who sees ``pose(time)``, one row a period, as a log has them.
+    """Commands (n, 2) of an operator whose input is ``pose(time)``, one row per period, as in a log.
 
     Other ports of the operator are connected if functions of time are given for them.
     """
@@ -61,7 +61,7 @@ def still(time: float) -> list[float]:
 
 
 @pytest.mark.parametrize("delay", [0.05, 0.1, 0.2, 0.35, 1.0])
-def test_a_step_of_the_pose_is_answered_exactly_a_delay_later(open_floor, delay):
+def test_the_command_responds_to_a_step_of_the_pose_after_exactly_the_delay(open_floor, delay):
     behaviour = dataclasses.replace(CALM, delay=delay)
     seen = commands(open_floor, pose=still, behaviour=behaviour)
     pushed = commands(
@@ -71,7 +71,7 @@ def test_a_step_of_the_pose_is_answered_exactly_a_delay_later(open_floor, delay)
     assert first * PERIOD == pytest.approx(0.5 + delay)
 
 
-def test_a_delay_between_two_periods_is_answered_in_part_at_the_first(open_floor):
+def test_a_delay_between_two_periods_is_interpolated(open_floor):
     answers = []
     for delay in (0.10, 0.125, 0.15):
         behaviour = dataclasses.replace(CALM, delay=delay)
@@ -82,7 +82,7 @@ def test_a_delay_between_two_periods_is_answered_in_part_at_the_first(open_floor
     assert answers[0] < answers[1] < answers[2]
 
 
-def test_no_delay_is_one_period_for_the_command_is_state(open_floor):
+def test_without_delay_the_command_responds_one_period_later_since_it_is_state(open_floor):
     dut = SurrogateOperator(scenario=open_floor)
     assert not dut.HasAnyDirectFeedthrough()
     behaviour = dataclasses.replace(CALM, delay=0.0)
@@ -98,7 +98,7 @@ def test_steers_back_to_the_route(open_floor, pose, turn):
     assert np.sign(right - left) == turn
 
 
-def test_skill_is_how_much_of_an_error_is_corrected(open_floor):
+def test_the_correction_of_an_error_is_proportional_to_skill(open_floor):
     def turn(skill: float) -> float:
         behaviour = dataclasses.replace(CALM, skill=skill)
         return np.diff(commands(open_floor, pose=lambda time: [1, 0.1, 0.1], behaviour=behaviour)[-1]).item()
@@ -108,7 +108,7 @@ def test_skill_is_how_much_of_an_error_is_corrected(open_floor):
     assert turn(0.0) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_blind_operator_fails_where_a_good_one_does_not(scenario):
+def test_an_operator_without_skill_fails_on_a_route_that_a_skilled_one_completes(scenario):
     simulation = Simulation(scenario)
 
     def successes(skill: float) -> int:
@@ -123,7 +123,7 @@ def test_a_blind_operator_fails_where_a_good_one_does_not(scenario):
     assert successes(0.0) <= 1
 
 
-def test_a_late_starter_keeps_the_hands_off_until_then(open_floor):
+def test_the_command_is_zero_until_the_late_start(open_floor):
     behaviour = Behaviour(noise=2.0, late_start=1.0)
     driven = commands(open_floor, pose=still, behaviour=behaviour, noise=lambda time: [1.0, -1.0])
     started = round(1.0 / PERIOD)
@@ -131,13 +131,13 @@ def test_a_late_starter_keeps_the_hands_off_until_then(open_floor):
     assert np.abs(driven[started + 1]).min() > 0
 
 
-def test_a_late_starter_drives_as_the_others_do_but_later(open_floor):
+def test_a_late_start_shifts_the_commands_in_time(open_floor):
     plain = commands(open_floor, pose=still, duration=2.0)
     late = commands(open_floor, pose=still, duration=3.0, behaviour=dataclasses.replace(CALM, late_start=1.0))
     np.testing.assert_allclose(late[20:], plain, atol=1e-9)
 
 
-def test_a_pause_gives_nothing_for_as_long_and_then_goes_on(open_floor):
+def test_a_pause_inserts_zero_commands_for_its_duration(open_floor):
     behaviour = dataclasses.replace(CALM, pause_time=1.0, pause=0.5)
     plain = commands(open_floor, pose=still, duration=2.0)
     paused = commands(open_floor, pose=still, duration=2.5, behaviour=behaviour)
@@ -145,7 +145,7 @@ def test_a_pause_gives_nothing_for_as_long_and_then_goes_on(open_floor):
     np.testing.assert_allclose(np.delete(paused, range(21, 31), axis=0), plain, atol=1e-9)
 
 
-def test_a_faster_operator_takes_less_time(open_floor):
+def test_travel_time_is_inversely_proportional_to_the_speed_factor(open_floor):
     simulation = Simulation(open_floor)
 
     def arrival(factor: float) -> float:
@@ -160,11 +160,11 @@ def test_a_faster_operator_takes_less_time(open_floor):
     assert arrival(0.8) == pytest.approx(usual / 0.8, rel=0.05)
 
 
-def test_noise_has_the_standard_deviation_and_the_time_constant_it_is_told(open_floor):
+def test_noise_has_the_given_standard_deviation_and_time_constant(open_floor):
     rng = np.random.default_rng(3)
     count = 20_000
     samples = rng.standard_normal((count + 1, 2))
-    # The plan is over, the robot is there: all that is left is noise.
+    # The robot stands at the goal, so the command is noise alone.
     behaviour = Behaviour(noise=0.75, noise_time=0.5)
     driven = commands(
         open_floor,
@@ -183,7 +183,7 @@ def test_noise_has_the_standard_deviation_and_the_time_constant_it_is_told(open_
     assert abs((left * right).mean()) / left.var() < 0.05
 
 
-def test_never_more_than_the_wheels_can_do(open_floor):
+def test_the_command_never_exceeds_the_wheels_speed_limit(open_floor):
     rng = np.random.default_rng(4)
     driven = commands(
         open_floor,
@@ -201,13 +201,13 @@ def chances(count: int):
     return lambda time: samples[round(time / PERIOD)]
 
 
-def test_noise_of_muscles_grows_with_the_command(open_floor):
+def test_signal_dependent_noise_is_proportional_to_the_command(open_floor):
     rng = np.random.default_rng(6)
     count = 4000
     samples = rng.standard_normal((count + 1, 2))
 
     def spread(x: float) -> np.ndarray:
-        # Behind the plan by more or less for good: a steady command.
+        # At a constant distance behind the plan the command is constant.
         driven = commands(
             open_floor,
             pose=lambda time: [x, 0.0, 0.0],
@@ -221,7 +221,7 @@ def test_noise_of_muscles_grows_with_the_command(open_floor):
     assert (spread(3.0) > 1.5 * spread(3.5)).all()
 
 
-def test_a_share_of_the_commands_is_random(open_floor):
+def test_the_given_share_of_the_commands_is_random(open_floor):
     count = 4000
     plain, driven = (
         commands(
@@ -241,7 +241,7 @@ def test_a_share_of_the_commands_is_random(open_floor):
     assert np.abs(driven).max() <= limit
 
 
-def test_a_laggy_operator_repeats_the_last_command_as_often_as_told(open_floor):
+def test_a_lagging_operator_repeats_the_last_command_with_the_given_probability(open_floor):
     count = 4000
     noise = np.random.default_rng(7).standard_normal((count + 1, 2))
     driven = commands(
@@ -255,7 +255,7 @@ def test_a_laggy_operator_repeats_the_last_command_as_often_as_told(open_floor):
     assert (np.diff(driven, axis=0) == 0).all(axis=1).mean() == pytest.approx(0.8, abs=0.02)
 
 
-def test_a_stubborn_operator_pushes_against_what_assistance_made_of_the_last_wish(open_floor):
+def test_a_stubborn_operator_opposes_the_change_that_assistance_made_to_the_last_command(open_floor):
     wished = commands(open_floor, pose=still)
     pushed = commands(
         open_floor,
@@ -266,7 +266,7 @@ def test_a_stubborn_operator_pushes_against_what_assistance_made_of_the_last_wis
     np.testing.assert_allclose(pushed[1:], wished[1:] + 0.5 * (wished[:-1] - [1.0, -2.0]), atol=1e-12)
 
 
-def test_a_yielding_operator_lets_go_as_the_weight_of_the_last_step_falls(open_floor):
+def test_a_yielding_operator_reduces_the_command_as_the_human_weight_falls(open_floor):
     wished = commands(open_floor, pose=still)
 
     def weight(time: float) -> list[float]:
@@ -280,7 +280,7 @@ def test_a_yielding_operator_lets_go_as_the_weight_of_the_last_step_falls(open_f
 
 
 @pytest.mark.parametrize("reaction", [{"stubbornness": 0.8}, {"yielding": 1.0}])
-def test_nobody_fights_or_yields_alone(scenario, reaction):
+def test_stubbornness_and_yielding_have_no_effect_without_assistance(scenario, reaction):
     simulation = Simulation(scenario)
     plain, alone = (
         simulation.run(TrialSettings(driver="human", seed=2, behaviour=Behaviour(**options)))
@@ -289,12 +289,14 @@ def test_nobody_fights_or_yields_alone(scenario, reaction):
     np.testing.assert_allclose(alone.commands("human"), plain.commands("human"), atol=1e-9)
 
 
-def test_who_does_not_react_is_not_changed_by_assistance(open_floor):
-    told = {"human_weight": lambda time: [0.3], "shared_command": lambda time: [3.0, -3.0]}
-    np.testing.assert_array_equal(commands(open_floor, pose=still, **told), commands(open_floor, pose=still))
+def test_an_operator_that_does_not_react_ignores_assistance(open_floor):
+    inputs = {"human_weight": lambda time: [0.3], "shared_command": lambda time: [3.0, -3.0]}
+    np.testing.assert_array_equal(
+        commands(open_floor, pose=still, **inputs), commands(open_floor, pose=still)
+    )
 
 
-def test_a_seed_draws_the_same_noise_whatever_chance_is_used_for(scenario):
+def test_a_seed_draws_the_same_noise_for_every_behaviour(scenario):
     simulation = Simulation(scenario)
     plain, lagging = (
         simulation.run(TrialSettings(driver="human", seed=3, behaviour=Behaviour(lag=lag)))["human_left"][1]
@@ -303,7 +305,7 @@ def test_a_seed_draws_the_same_noise_whatever_chance_is_used_for(scenario):
     assert plain == lagging != 0
 
 
-def test_a_behaviour_is_copied_by_reference():
+def test_a_deep_copy_of_a_behaviour_is_the_same_object():
     assert copy.deepcopy(CALM) is CALM
 
 
@@ -315,13 +317,13 @@ def test_a_behaviour_is_copied_by_reference():
         for route in load_scenario(task).routes
     ],
 )
-def test_reaches_the_goal_alone_on_every_route_of_every_task(task, route):
+def test_reaches_the_goal_without_assistance_on_every_route_of_every_scenario(task, route):
     trial = Simulation(load_scenario(task)).run(TrialSettings(driver="human", route=route, seed=1))
     assert trial.status == "reached"
     assert not trial["contact"].any()
 
 
-def test_changes_its_mind_when_told_to(scenario):
+def test_changes_its_route_at_the_switch_time(scenario):
     simulation = Simulation(scenario)
     behaviour = dataclasses.replace(CALM, switch_time=4.5)
     trial = simulation.run(
@@ -365,24 +367,24 @@ def test_route_and_behaviour_belong_to_the_context(scenario):
 
 @pytest.mark.parametrize("field", [field.name for field in dataclasses.fields(Behaviour)])
 @pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
-def test_refuses_a_behaviour_that_means_nothing(field, value):
+def test_a_negative_or_non_finite_behaviour_is_refused(field, value):
     with pytest.raises(InputError, match=f"operator: {field} must be finite and not negative"):
         Behaviour(**{field: value})
 
 
 @pytest.mark.parametrize("field", ["noise_time", "speed_factor"])
-def test_refuses_zero_where_it_would_divide(field):
+def test_a_noise_time_or_speed_factor_of_zero_is_refused(field):
     with pytest.raises(InputError, match=f"operator: {field} must be positive"):
         Behaviour(**{field: 0.0})
 
 
 @pytest.mark.parametrize("field", ["random_share", "lag", "yielding"])
-def test_refuses_a_share_above_1(field):
+def test_a_share_above_1_is_refused(field):
     with pytest.raises(InputError, match=f"operator: {field} must be at most 1"):
         Behaviour(**{field: 1.01})
 
 
-def test_refuses_a_delay_longer_than_its_memory():
+def test_a_delay_above_one_second_is_refused():
     with pytest.raises(InputError, match=r"operator: delay must be at most 1\.0 s"):
         Behaviour(delay=1.01)
 
