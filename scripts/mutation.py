@@ -3,8 +3,8 @@
     scripts/mutate drake_shared/arbitration --tests tests/arbitration tests/systems/test_confidence_blender.py
 
 Each mutant changes one place of a module. It is killed if a test fails or takes much too long, and survives
-otherwise. Test files that import the changed module run first. Results are appended to a file of JSON lines,
-so that a run that was stopped continues.
+otherwise. Only those of the given test files run that import the changed module, or its package if none does.
+Results are appended to a file of JSON lines, so that a run that was stopped continues.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import argparse
 import ast
 import concurrent.futures
 import difflib
+import functools
 import hashlib
 import itertools
 import json
@@ -27,7 +28,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -154,7 +155,7 @@ def copy_checkout(folder: Path) -> Path:
     return folder
 
 
-def run_tests(folder: Path, tests: list[str], timeout: float, compiled: bool = False) -> str:
+def run_tests(folder: Path, tests: Sequence[str], timeout: float, compiled: bool = False) -> str:
     """Runs the tests in a copy: "survived", "killed" or "timeout"; ``compiled``: keeps the compiled files."""
     context = multiprocessing.get_context("forkserver")
     process = context.Process(target=_pytest, args=(folder, tests, compiled))
@@ -169,7 +170,7 @@ def run_tests(folder: Path, tests: list[str], timeout: float, compiled: bool = F
     return outcome
 
 
-def _pytest(folder: Path, tests: list[str], compiled: bool) -> None:
+def _pytest(folder: Path, tests: Sequence[str], compiled: bool) -> None:
     """Runs pytest in this process, which becomes the leader of a process group."""
     os.setpgid(0, 0)
     os.chdir(folder)
@@ -185,15 +186,19 @@ def _pytest(folder: Path, tests: list[str], compiled: bool) -> None:
     os._exit(pytest.main(["-x", *quiet, *tests]))
 
 
-def in_order(tests: list[str], module: str) -> list[str]:
-    """The test files, those first that import the module."""
+def tests_of(module: str, tests: list[str]) -> list[str]:
+    """The test files that import the module, otherwise those that import its package."""
     files = [
         str(file.relative_to(ROOT))
         for path in map(Path, tests)
         for file in (sorted((ROOT / path).rglob("test_*.py")) if path.is_dir() else [ROOT / path])
     ]
     name = module.removesuffix(".py").replace("/", ".")
-    return sorted(files, key=lambda file: name not in (ROOT / file).read_text(encoding="utf-8"))
+    while name:
+        if found := [file for file in files if name in (ROOT / file).read_text(encoding="utf-8")]:
+            return found
+        name = name.rpartition(".")[0]
+    return files
 
 
 def wilson_interval(killed: int, total: int) -> tuple[float, float]:
@@ -236,18 +241,22 @@ def main() -> int:
         copies: queue.Queue[Path] = queue.Queue()
         for job in range(options.jobs):
             copies.put(copy_checkout(Path(temporary) / str(job)))
-        start = time.monotonic()
-        for folder in list(copies.queue):
-            if run_tests(folder, options.tests, 3600.0, compiled=True) != "survived":
-                sys.exit("the tests fail without a mutation")
-        timeout = 4.0 * (time.monotonic() - start) + 20.0
+
+        @functools.cache
+        def patience(tests: tuple[str, ...], copy: Path) -> float:
+            start = time.monotonic()
+            if run_tests(copy, tests, 3600.0, compiled=True) != "survived":
+                sys.exit(f"without a mutation a test fails of {' '.join(tests)}")
+            return 4.0 * (time.monotonic() - start) + 20.0
 
         def judge(mutant: Mutant) -> dict[str, str] | None:
             if mutant.key in known or time.monotonic() > end:
                 return known.get(mutant.key)
             copy = copies.get()
+            tests = tuple(tests_of(mutant.module, options.tests))
+            timeout = patience(tests, copy)
             (copy / mutant.module).write_text(mutant.code, encoding="utf-8")
-            outcome = run_tests(copy, in_order(options.tests, mutant.module), timeout)
+            outcome = run_tests(copy, tests, timeout)
             shutil.copy2(ROOT / mutant.module, copy / mutant.module)
             copies.put(copy)
             return {"key": mutant.key, "outcome": outcome, **mutant._replace(code="")._asdict()}

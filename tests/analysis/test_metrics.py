@@ -106,6 +106,11 @@ def test_intervention_and_saturation_are_shares_of_the_steps(make, scenario):
     assert measured["saturated_share"] == 0.5
 
 
+def test_the_smallest_command_counts_as_an_intervention(make):
+    measured = metrics(make(human_left=[0.0, 1e-3, 0.0, 0.0, 1.0], human_right=[0.0, 0.0, 0.0, -1e-3, 1.0]))
+    assert measured["intervention_share"] == 0.5
+
+
 def test_path_length_is_the_sum_of_all_steps(make):
     trial = make(x=[0.0, 3.0, 3.0, 3.0, 3.0], y=[0.0, 4.0, 4.0, 5.0, 3.0], status="timed_out")
     assert metrics(trial)["path_length"] == pytest.approx(5.0 + 1.0 + 2.0)
@@ -232,6 +237,7 @@ def test_logs_of_one_or_two_rows_have_metrics(make, rows):
     measured = metrics(make(status="stopped", x=np.zeros(rows)))
     assert measured["path_length"] == 0.0
     assert measured["human_effort"] == 0.0
+    assert measured["command_continuity"] == measured["weight_continuity"] == 0.0
     assert not measured["success"]
 
 

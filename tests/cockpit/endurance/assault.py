@@ -46,14 +46,17 @@ def run(seconds: float, names: list[str]) -> dict[str, Any]:
 def _attack(served: Served, name: str, seconds: float) -> dict[str, Any]:
     served.new_logs()
     before = served.memory()
-    # The driver stays a little longer than the attack.
-    commands = [
-        [sys.executable, str(_HERE / "driver.py"), served.address, str(seconds + 0.5)],
-        [sys.executable, str(_HERE / "attacks.py"), name, served.address, str(seconds)],
-    ]
+    # The driver drives before the attack begins, and stays a little longer.
+    driver = _start("driver.py", served.address, str(seconds + 0.5))
     with MemoryWatch(served) as memory:
-        jobs = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for command in commands]
-        driven, attacked = (json.loads(job.communicate(timeout=seconds + 60.0)[0]) for job in jobs)
+        assert driver.stdout is not None
+        first = driver.stdout.readline()
+        if first != b"driving\n":
+            raise SystemExit(f"the driver began no trial: {first.decode()}")
+        attack = _start("attacks.py", name, served.address, str(seconds))
+        driven, attacked = (
+            json.loads(job.communicate(timeout=seconds + 60.0)[0]) for job in (driver, attack)
+        )
     half = float(np.interp(np.mean([memory.times[0], memory.times[-1]]), memory.times, memory.values))
     # Connections are closed after a timeout, not at once.
     deadline = time.monotonic() + _SETTLE
@@ -71,6 +74,13 @@ def _attack(served: Served, name: str, seconds: float) -> dict[str, Any]:
         "peak": round(max(memory.values) - before, 1),
         "errors": driven["errors"] + attacked["errors"],
     }
+
+
+def _start(script: str, *arguments: str) -> subprocess.Popen[bytes]:
+    # Unbuffered, since a line is read before the rest.
+    return subprocess.Popen(
+        [sys.executable, str(_HERE / script), *arguments], stdout=subprocess.PIPE, bufsize=0
+    )
 
 
 def _broken(result: dict[str, Any]) -> list[str]:

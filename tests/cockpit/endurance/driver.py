@@ -1,6 +1,7 @@
 """A scripted driver without a browser, in a process of its own.
 
-Usage: driver.py ADDRESS SECONDS. Drives one trial after another, and prints the results as JSON.
+Usage: driver.py ADDRESS SECONDS. Prints a line when it begins to drive, drives one trial after another, and
+prints the results as JSON.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from visitor import Visitor
 
 MOVES_A_SECOND = 60.0
 _PING_EVERY = 3  # moves
+_PATIENCE = 30.0  # s until the first trial
 _STICK = {"type": "stick", "gain": 0.004, "dead_zone": 0.0, "return_time": 0.0}
 
 
@@ -31,6 +33,7 @@ class Driver:
         self._lock_state = ""
         self._phase = ""
         self._start = time.monotonic()
+        self._end = self._start + _PATIENCE
         self._seconds = seconds
 
     async def drive(self, visitor: Visitor) -> None:
@@ -47,7 +50,7 @@ class Driver:
     async def _hold(self, page: aiohttp.ClientWebSocketResponse) -> None:
         engaged = False
         moves = 0
-        while time.monotonic() - self._start < self._seconds and not page.closed:
+        while time.monotonic() < self._end and not page.closed:
             if engaged and self._lock_state == "free":
                 engaged = False
             if not engaged and self._lock_state == "free" and self._phase in ("ready", "finished"):
@@ -85,7 +88,11 @@ class Driver:
             if message["refused"]:
                 self.errors.append("the driver was refused the lock")
         elif message["type"] == "trial":
-            self.trials += message["phase"] == "driving" != self._phase
+            if message["phase"] == "driving" != self._phase:
+                if not self.trials:
+                    print("driving", flush=True)
+                    self._end = time.monotonic() + self._seconds
+                self.trials += 1
             self._phase = message["phase"]
 
 
