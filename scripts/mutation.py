@@ -3,7 +3,7 @@
     scripts/mutate drake_shared/arbitration --tests tests/arbitration tests/systems/test_confidence_blender.py
 
 Each mutant changes one place of a module. It is killed if a test fails or takes much too long, and survives
-otherwise. Only those of the given test files run that import the changed module, or its package if none does.
+otherwise. Only those of the given test files run that import the changed module, directly or by another one.
 Results are appended to a file of JSON lines, so that a run that was stopped continues.
 """
 
@@ -22,6 +22,7 @@ import multiprocessing
 import os
 import queue
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -142,6 +143,8 @@ def _structure(code: str) -> str | None:
         if isinstance(node, ast.arguments):
             names = [*node.posonlyargs, *node.args, *node.kwonlyargs]
             node.posonlyargs, node.args, node.kwonlyargs = [], names, []
+            node.defaults = [*node.defaults, *filter(None, node.kw_defaults)]
+            node.kw_defaults = []
     return ast.dump(tree)
 
 
@@ -187,18 +190,27 @@ def _pytest(folder: Path, tests: Sequence[str], compiled: bool) -> None:
 
 
 def tests_of(module: str, tests: list[str]) -> list[str]:
-    """The test files that import the module, otherwise those that import its package."""
+    """The test files that import the module; if none does, those that import a module that imports it."""
     files = [
-        str(file.relative_to(ROOT))
+        file.relative_to(ROOT)
         for path in map(Path, tests)
         for file in (sorted((ROOT / path).rglob("test_*.py")) if path.is_dir() else [ROOT / path])
     ]
-    name = module.removesuffix(".py").replace("/", ".")
-    while name:
-        if found := [file for file in files if name in (ROOT / file).read_text(encoding="utf-8")]:
-            return found
-        name = name.rpartition(".")[0]
-    return files
+    modules = {str(file.relative_to(ROOT)) for file in (ROOT / "drake_shared").rglob("*.py")}
+    sought = {module}
+    while not (found := [str(file) for file in files if _imports(str(file), sought)]):
+        more = {other for other in modules if _imports(other, sought)}
+        if more <= sought:
+            return [str(file) for file in files]
+        sought |= more
+    return found
+
+
+def _imports(file: str, modules: set[str]) -> bool:
+    """Whether a file names one of the modules."""
+    text = (ROOT / file).read_text(encoding="utf-8")
+    names = (module.removesuffix(".py").removesuffix("/__init__").replace("/", ".") for module in modules)
+    return any(re.search(rf"\b{re.escape(name)} import", text) for name in names)
 
 
 def wilson_interval(killed: int, total: int) -> tuple[float, float]:

@@ -5,7 +5,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+import torch
 from pydrake.systems.framework import Context, LeafSystem
+from threadpoolctl import threadpool_limits
 
 from drake_shared.scenario import Goal, Route, Scenario, Workspace, load_scenario
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
@@ -39,6 +41,14 @@ class FakeLearner:
         index = np.searchsorted(self.grid, np.asarray(query_times) - 1e-9)
         variance = np.broadcast_to(self.variance, self.demonstrations[0].shape)
         return self.demonstrations[0][index].copy(), variance[index].copy()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_thread() -> Iterator[None]:
+    """Several processes run the tests, and for arrays this small a second thread is slower."""
+    torch.set_num_threads(1)
+    with threadpool_limits(1):
+        yield
 
 
 @pytest.fixture(scope="session")

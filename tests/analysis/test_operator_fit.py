@@ -11,6 +11,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.learners import load_learner
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.scenario import load_scenario
+from drake_shared.simulation.lockstep.engine import Lockstep
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 
 COUNT = 10
@@ -24,17 +25,16 @@ def simulation() -> Simulation:
 
 def drives(simulation: Simulation, *, mode: str = "human", count: int = COUNT, seed: int = 0, **behaviour):
     routes = [route.name for route in simulation.scenario.routes]
-    return [
-        simulation.run(
-            TrialSettings(
-                driver=mode,
-                seed=seed + index,
-                route=routes[index % len(routes)],
-                behaviour=Behaviour(**behaviour),
-            )
+    settings = [
+        TrialSettings(
+            driver=mode,
+            seed=seed + index,
+            route=routes[index % len(routes)],
+            behaviour=Behaviour(**behaviour),
         )
         for index in range(count)
     ]
+    return list(Lockstep(simulation).run(settings))
 
 
 @pytest.fixture(scope="module")

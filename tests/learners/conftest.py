@@ -1,10 +1,7 @@
 """Toy demonstrations, and learners trained on them once."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
-import torch
 
 from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import train
@@ -22,15 +19,6 @@ def bows(heights, *, scale: float = 1.0, scores=None, duration: float = 4.0) -> 
         score = None if scores is None else scores[index]
         items.append(Demonstration(times=times, positions=positions, score=score))
     return Demonstrations(items=tuple(items), metadata={"scenario": "bows"})
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> Iterator[None]:
-    """As in training: for networks this small a second thread is slower."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
 
 
 @pytest.fixture(scope="session")

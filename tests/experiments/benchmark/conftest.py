@@ -4,16 +4,9 @@ import math
 
 import pytest
 
-from drake_shared.common.threads import single_threaded
 from drake_shared.experiments.benchmark import common
 from drake_shared.experiments.benchmark.common import Setup
 from drake_shared.experiments.benchmark.results import GroupResult
-
-
-@pytest.fixture(autouse=True, scope="session")
-def _one_thread():
-    with single_threaded():
-        yield
 
 
 @pytest.fixture(scope="session")
