@@ -13,7 +13,6 @@ import argparse
 import ast
 import concurrent.futures
 import difflib
-import functools
 import hashlib
 import itertools
 import json
@@ -221,10 +220,66 @@ def wilson_interval(killed: int, total: int) -> tuple[float, float]:
     return centre - half, centre + half
 
 
+def draw(paths: list[Path], sample: int, seed: int) -> tuple[list[Mutant], int]:
+    """Mutants of the modules in the folders, drawn at random, and the number of all."""
+    modules = [
+        str(file.resolve().relative_to(ROOT))
+        for path in paths
+        for file in (sorted(path.rglob("*.py")) if path.is_dir() else [path])
+    ]
+    places = [place for module in modules for place in places_in(module)]
+    random.Random(seed).shuffle(places)
+    # Only those drawn are made: making one means parsing its module.
+    return list(itertools.islice(filter(None, map(mutant_at, places)), sample or None)), len(places)
+
+
+class Judge:
+    """Runs the tests on mutants, several at a time, each in a copy of the checkout.
+
+    Args:
+        folder: For the copies.
+        tests: Test files and folders.
+        jobs: Number of copies.
+    """
+
+    def __init__(self, folder: Path, tests: list[str], jobs: int) -> None:
+        self._tests = tests
+        self._copies: queue.Queue[Path] = queue.Queue()
+        for job in range(jobs):
+            self._copies.put(copy_checkout(folder / str(job)))
+        self._patience: dict[tuple[Path, tuple[str, ...]], float] = {}
+
+    def __call__(self, mutant: Mutant) -> str:
+        """Returns "survived", "killed" or "timeout"."""
+        copy = self._copies.get()
+        tests = tuple(tests_of(mutant.module, self._tests))
+        if (copy, tests) not in self._patience:
+            start = time.monotonic()
+            if run_tests(copy, tests, 3600.0, compiled=True) != "survived":
+                sys.exit(f"without a mutation a test fails of {' '.join(tests)}")
+            self._patience[copy, tests] = 4.0 * (time.monotonic() - start) + 20.0
+        (copy / mutant.module).write_text(mutant.code, encoding="utf-8")
+        outcome = run_tests(copy, tests, self._patience[copy, tests])
+        shutil.copy2(ROOT / mutant.module, copy / mutant.module)
+        self._copies.put(copy)
+        return outcome
+
+
+def report(results: list[dict[str, str]], total: int) -> None:
+    """Prints the survivors and the share of killed mutants."""
+    survivors = [result for result in results if result["outcome"] == "survived"]
+    for result in sorted(survivors, key=lambda item: item["module"]):
+        print(f"{result['module']} ({result['operator']})\n{result['difference']}\n")
+    killed = len(results) - len(survivors)
+    if results:
+        low, high = wilson_interval(killed, len(results))
+        print(f"{killed} of {len(results)} mutants killed ({low:.0%} to {high:.0%}); {total} in all")
+
+
 def main() -> int:
     """Runs the mutants and reports the survivors."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("paths", nargs="+", help="modules or folders to mutate")
+    parser.add_argument("paths", nargs="+", type=Path, help="modules or folders to mutate")
     parser.add_argument("--tests", nargs="+", required=True, help="tests that must notice")
     parser.add_argument("--sample", type=int, default=100, help="number of mutants, drawn at random; 0: all")
     parser.add_argument("--seed", type=int, default=0, help="for the sample")
@@ -233,63 +288,31 @@ def main() -> int:
     parser.add_argument("--results", type=Path, default=Path("mutation.jsonl"), help="file of JSON lines")
     options = parser.parse_args()
 
-    modules = [
-        str(file.resolve().relative_to(ROOT))
-        for path in map(Path, options.paths)
-        for file in (sorted(path.rglob("*.py")) if path.is_dir() else [path])
-    ]
-    places = [place for module in modules for place in places_in(module)]
-    random.Random(options.seed).shuffle(places)
-    drawn = filter(None, map(mutant_at, places))
-    mutants = list(itertools.islice(drawn, options.sample or None))
+    mutants, total = draw(options.paths, options.sample, options.seed)
     known = {}
     if options.results.is_file():
         lines = options.results.read_text(encoding="utf-8").splitlines()
         known = {item["key"]: item for item in map(json.loads, lines)}
+    results = [known[mutant.key] for mutant in mutants if mutant.key in known]
     end = time.monotonic() + 60.0 * options.minutes
     multiprocessing.get_context("forkserver").set_forkserver_preload(list(_LIBRARIES))
+    with (
+        tempfile.TemporaryDirectory() as temporary,
+        concurrent.futures.ThreadPoolExecutor(options.jobs) as pool,
+        options.results.open("a", encoding="utf-8") as file,
+    ):
+        judge = Judge(Path(temporary), options.tests, options.jobs)
 
-    with tempfile.TemporaryDirectory() as temporary:
-        copies: queue.Queue[Path] = queue.Queue()
-        for job in range(options.jobs):
-            copies.put(copy_checkout(Path(temporary) / str(job)))
+        def result_of(mutant: Mutant) -> dict[str, str] | None:
+            if time.monotonic() > end:
+                return None
+            return {"key": mutant.key, "outcome": judge(mutant), **mutant._replace(code="")._asdict()}
 
-        @functools.cache
-        def patience(tests: tuple[str, ...], copy: Path) -> float:
-            start = time.monotonic()
-            if run_tests(copy, tests, 3600.0, compiled=True) != "survived":
-                sys.exit(f"without a mutation a test fails of {' '.join(tests)}")
-            return 4.0 * (time.monotonic() - start) + 20.0
-
-        def judge(mutant: Mutant) -> dict[str, str] | None:
-            if mutant.key in known or time.monotonic() > end:
-                return known.get(mutant.key)
-            copy = copies.get()
-            tests = tuple(tests_of(mutant.module, options.tests))
-            timeout = patience(tests, copy)
-            (copy / mutant.module).write_text(mutant.code, encoding="utf-8")
-            outcome = run_tests(copy, tests, timeout)
-            shutil.copy2(ROOT / mutant.module, copy / mutant.module)
-            copies.put(copy)
-            return {"key": mutant.key, "outcome": outcome, **mutant._replace(code="")._asdict()}
-
-        results = []
-        with (
-            concurrent.futures.ThreadPoolExecutor(options.jobs) as pool,
-            options.results.open("a", encoding="utf-8") as file,
-        ):
-            for result in pool.map(judge, mutants):
-                if result is not None:
-                    results.append(result)
-                    if result["key"] not in known:
-                        print(json.dumps(result), file=file, flush=True)
-    survivors = [result for result in results if result["outcome"] == "survived"]
-    for result in sorted(survivors, key=lambda item: item["module"]):
-        print(f"{result['module']} ({result['operator']})\n{result['difference']}\n")
-    killed = len(results) - len(survivors)
-    if results:
-        low, high = wilson_interval(killed, len(results))
-        print(f"{killed} of {len(results)} mutants killed ({low:.0%} to {high:.0%}); {len(places)} in all")
+        unknown = [mutant for mutant in mutants if mutant.key not in known]
+        for result in filter(None, pool.map(result_of, unknown)):
+            results.append(result)
+            print(json.dumps(result), file=file, flush=True)
+    report(results, total)
     return 0
 
 

@@ -149,6 +149,15 @@ def test_an_output_out_of_range_ends_the_trial_with_the_systems_name_and_the_tim
         simulation.run(TrialSettings(route="left_right"))
 
 
+def test_an_error_names_the_arbiter_and_its_type():
+    dut = Wrong(7.0)
+    dut.set_name("left_arm")
+    context = fixed(dut, [0.0, 0.0], [0.0, 0.0])
+    context.SetTime(2.0)
+    with pytest.raises(RunError, match=r"left_arm \(Wrong\)"):
+        dut.get_human_weight_output_port().Eval(context)
+
+
 @pytest.mark.parametrize("driver", ["human", "agent"])
 def test_an_arbiter_that_is_no_subclass_leaves_either_driver_alone(scenario, route_learner, driver):
     simulation = Simulation(scenario, learner=route_learner(scenario), arbiter=Foreign())

@@ -18,8 +18,7 @@ DRIFT = 0.01
 GROWTH = 10.0
 """Growth of memory allowed after the warm-up, in [MB]."""
 
-_WARM_UP_SHARE = 0.2  # of the duration,
-_WARM_UP_LIMIT = 120.0  # but at most this, in [s].
+_WARM_UP_TRIALS = 2  # The first log loads what writes logs.
 _TIMEOUT = 30_000  # ms
 
 
@@ -40,16 +39,21 @@ def run(minutes: float) -> dict[str, Any]:
         try:
             with sync_playwright() as playwright, MemoryWatch(served, every=1.0) as memory:
                 browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM_ARGUMENTS))
-                driven = _drive(browser.new_page(viewport={"width": 640, "height": 480}), served, seconds)
+                page = browser.new_page(viewport={"width": 640, "height": 480})
+                driven, warm = _drive(page, served, seconds)
                 browser.close()
             pace = read_pace(served.new_logs())
         finally:
             errors = served.stop()
-    return _judge({"minutes": minutes, **pace, **driven, **_flatness(memory, seconds)}, errors)
+    return _judge({"minutes": minutes, **pace, **driven, **_flatness(memory, warm)}, errors)
 
 
-def _drive(page: Any, served: Served, seconds: float) -> dict[str, Any]:
-    """Drives by arrow keys: forward all the time, sideways at random; stops some trials early."""
+def _drive(page: Any, served: Served, seconds: float) -> tuple[dict[str, Any], float]:
+    """Drives by arrow keys: forward all the time, sideways at random; stops some trials early.
+
+    Returns:
+        What happened, and the time at which the warm-up was over.
+    """
     chance = random.Random(0)
     page_errors: list[str] = []
     page.on("pageerror", lambda error: page_errors.append(str(error)))
@@ -58,6 +62,7 @@ def _drive(page: Any, served: Served, seconds: float) -> dict[str, Any]:
     heaps: list[float] = []
     started = 0
     end = time.monotonic() + seconds
+    warm = end
     while time.monotonic() < end and served.runs:
         page.click("#drive:enabled")
         page.wait_for_selector("body[data-driver-lock=yours]")
@@ -74,19 +79,21 @@ def _drive(page: Any, served: Served, seconds: float) -> dict[str, Any]:
         page.keyboard.up("ArrowUp")
         page.wait_for_selector("#deck[data-phase=finished]")
         heaps.append(page.evaluate("performance.memory.usedJSHeapSize") / 2**20)
-    return {
+        if started == _WARM_UP_TRIALS:
+            warm = time.monotonic()
+    driven = {
         "started": started,
         "page_errors": sorted(set(page_errors)),
         "page_heap": [round(heaps[0], 1), round(heaps[-1], 1)] if heaps else None,
     }
+    return driven, warm
 
 
-def _flatness(memory: MemoryWatch, seconds: float) -> dict[str, Any]:
+def _flatness(memory: MemoryWatch, warm: float) -> dict[str, Any]:
     """Returns memory after the warm-up in [MB]: first and last tenth, range, and trend per minute."""
-    times = np.array(memory.times) - memory.times[0]
-    values = np.array(memory.values)
-    warm = times >= min(_WARM_UP_SHARE * seconds, _WARM_UP_LIMIT)
-    times, values = times[warm], values[warm]
+    times, values = np.array(memory.times), np.array(memory.values)
+    after = times >= min(warm, times[-2])
+    times, values = times[after], values[after]
     tenth = max(len(values) // 10, 1)
     return {
         "memory_first": round(float(values[:tenth].mean()), 1),
