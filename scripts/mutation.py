@@ -157,10 +157,10 @@ def copy_checkout(folder: Path) -> Path:
     return folder
 
 
-def run_tests(folder: Path, tests: Sequence[str], timeout: float, compiled: bool = False) -> str:
-    """Runs the tests in a copy: "survived", "killed" or "timeout"; ``compiled``: keeps the compiled files."""
+def run_tests(folder: Path, tests: Sequence[str], timeout: float) -> str:
+    """Runs the tests in a copy: "survived", "killed" or "timeout"."""
     context = multiprocessing.get_context("forkserver")
-    process = context.Process(target=_pytest, args=(folder, tests, compiled))
+    process = context.Process(target=_pytest, args=(folder, tests))
     process.start()
     process.join(timeout)
     outcome = "timeout" if process.exitcode is None else "survived" if process.exitcode == 0 else "killed"
@@ -172,13 +172,12 @@ def run_tests(folder: Path, tests: Sequence[str], timeout: float, compiled: bool
     return outcome
 
 
-def _pytest(folder: Path, tests: Sequence[str], compiled: bool) -> None:
+def _pytest(folder: Path, tests: Sequence[str]) -> None:
     """Runs pytest in this process, which becomes the leader of a process group."""
     os.setpgid(0, 0)
     os.chdir(folder)
     os.environ["PYTHONPATH"] = str(folder)
     sys.path.insert(0, str(folder))
-    sys.dont_write_bytecode = not compiled
     with open(os.devnull, "r+b", buffering=0) as null:
         for stream in range(3):
             os.dup2(null.fileno(), stream)
@@ -255,7 +254,7 @@ class Judge:
         tests = tuple(tests_of(mutant.module, self._tests))
         if (copy, tests) not in self._patience:
             start = time.monotonic()
-            if run_tests(copy, tests, 3600.0, compiled=True) != "survived":
+            if run_tests(copy, tests, 3600.0) != "survived":
                 sys.exit(f"without a mutation a test fails of {' '.join(tests)}")
             self._patience[copy, tests] = 4.0 * (time.monotonic() - start) + 20.0
         (copy / mutant.module).write_text(mutant.code, encoding="utf-8")
