@@ -67,6 +67,7 @@ if TYPE_CHECKING:
         MakeSharedControlDiagram as MakeSharedControlDiagram,
     )
     from drake_shared.simulation.faults import Faults as Faults
+    from drake_shared.simulation.log import read_logs as read_logs, write_logs as write_logs
     from drake_shared.simulation.shared_control import SharedControl as SharedControl
     from drake_shared.simulation.teaching import teach as teach
     from drake_shared.simulation.trial import (
@@ -159,6 +160,7 @@ _MODULES = {
     "play_open_loop": "drake_shared.analysis.counterfactual",
     "read_demonstrations": "drake_shared.demonstrations",
     "read_log": "drake_shared.simulation.trial",
+    "read_logs": "drake_shared.simulation.log",
     "run_trial": "drake_shared.simulation.trial",
     "save_learner": "drake_shared.learners",
     "summarize": "drake_shared.analysis.metrics",
@@ -166,6 +168,7 @@ _MODULES = {
     "train": "drake_shared.learners",
     "write_demonstrations": "drake_shared.demonstrations",
     "write_log": "drake_shared.simulation.trial",
+    "write_logs": "drake_shared.simulation.log",
     "write_replay": "drake_shared.analysis.replay",
 }
 

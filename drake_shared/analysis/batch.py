@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,7 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.analysis.log_folder import LogStore, log_path, open_log_folder, row_of, write_log_of_batch
+from drake_shared.analysis.log_folder import (
+    LogStore,
+    log_path,
+    open_log_folder,
+    rows_of,
+    write_log_of_batch,
+)
 from drake_shared.common.errors import InputError
 from drake_shared.learners import load_learner
 from drake_shared.operators.behaviour import Behaviour
@@ -24,6 +31,9 @@ from drake_shared.simulation.runner import Task, run_as_completed
 from drake_shared.simulation.runner.tasks import canonical
 from drake_shared.simulation.trial import Simulation, TrialSettings, read_log
 from drake_shared.systems.recorded_input import RecordedInput
+
+MOST_PER_LOG = BLOCK
+"""Most trials in one log."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -41,11 +51,13 @@ class Batch:
             alternate between the possible changes, see `drake_shared.operators.named.changes_of_route`.
         recording: A log whose human commands are played back in place of a simulated operator.
         out: Folder for the logs; none are written if None.
+        trials_per_log: Most trials in one log, from 1 to `MOST_PER_LOG`. A file of several is written many
+            times as fast for each, and is read like any log: ``FILE#3`` names its trial 3.
         engine: "drake" runs a diagram for each trial, "lockstep" all trials together, as arrays; "auto" takes
             the latter wherever it can run the trials. Their results agree within rounding.
 
     Raises:
-        InputError: ``count`` is below 1, or ``engine`` is unknown.
+        InputError: ``count`` or ``trials_per_log`` is out of range, or ``engine`` is unknown.
     """
 
     scenario: str | None = None
@@ -57,11 +69,15 @@ class Batch:
     switching: bool = False
     recording: str | None = None
     out: str | None = None
+    trials_per_log: int = 1
     engine: str = "auto"
 
     def __post_init__(self) -> None:
         if self.count < 1:
             raise InputError("simulate", "trials", "must be at least 1", self.count)
+        if not 1 <= self.trials_per_log <= MOST_PER_LOG:
+            expected = f"must be from 1 to {MOST_PER_LOG}"
+            raise InputError("simulate", "trials_per_log", expected, self.trials_per_log)
         if self.engine not in ENGINES:
             raise InputError("simulate", "engine", f"must be one of {', '.join(ENGINES)}", repr(self.engine))
 
@@ -122,9 +138,7 @@ def run_batch(
     # All logs are checked before any trial is run.
     kept = {} if store is None else store.rows()
     missing = [index for index in range(batch.count) if index not in kept]
-    # Blocks of equal size, at least one for each worker; each trial is its own block in Drake.
-    count = len(missing) if reason is not None else max(-(-len(missing) // BLOCK), min(workers, len(missing)))
-    blocks = [part.tolist() for part in np.array_split(missing, count)] if missing else []
+    blocks = _blocks(batch, missing, workers, in_lockstep=reason is None)
     tasks = [Task.of(run_trials, batch=given, indices=block) for block in blocks]
     return _rows(tasks, kept, store, workers)
 
@@ -134,6 +148,23 @@ def run_trials(batch: dict[str, Any], indices: list[int]) -> list[dict[str, Any]
     return _trials(canonical(batch)).run(indices)
 
 
+def _blocks(batch: Batch, missing: list[int], workers: int, *, in_lockstep: bool) -> list[list[int]]:
+    """The trials of each task: those of one log, or more where each trial has its own log or none."""
+    if batch.out is not None and batch.trials_per_log > 1:
+        # A log holds trials that follow each other, whatever the number of workers.
+        gaps = np.flatnonzero(np.diff(missing) > 1) + 1
+        return [
+            run[begin : begin + batch.trials_per_log].tolist()
+            for run in np.split(np.array(missing, dtype=int), gaps)
+            for begin in range(0, len(run), batch.trials_per_log)
+        ]
+    if not missing or not in_lockstep:
+        return [[index] for index in missing]
+    # Blocks of equal size, at least one for each worker.
+    count = max(-(-len(missing) // BLOCK), min(workers, len(missing)))
+    return [part.tolist() for part in np.array_split(missing, count)]
+
+
 def _open_store(batch: Batch, out: str, *, resume: bool, force: bool) -> LogStore:
     trials = functools.partial(_trials, canonical(batch.to_json()))
     if force:
@@ -141,8 +172,8 @@ def _open_store(batch: Batch, out: str, *, resume: bool, force: bool) -> LogStor
         if batch.recording is not None and Path(batch.recording).resolve().parent == Path(out).resolve():
             raise InputError(batch.recording, "", f"must not be in {out}, whose logs are overwritten")
         trials().check()
-    indices = open_log_folder(out, count=batch.count, resume=resume, force=force)
-    return LogStore(out, indices, lambda index: trials().describe(index))
+    logs = open_log_folder(out, count=batch.count, resume=resume, force=force)
+    return LogStore(logs, lambda index: trials().describe(index))
 
 
 def _rows(
@@ -195,12 +226,15 @@ class _Trials:
             trials = Lockstep(self._simulation).run(settings)
         else:
             trials = map(self._simulation.run, settings)
-        rows = []
-        for index, trial in zip(indices, trials, strict=True):
-            log = None if self._batch.out is None else log_path(self._batch.out, index)
+        numbered = iter(zip(indices, trials, strict=True))
+        out, rows = self._batch.out, []
+        # Metrics of many trials at once, where no log of each keeps what is done.
+        size = MOST_PER_LOG if out is None else self._batch.trials_per_log
+        while part := dict(itertools.islice(numbered, size)):
+            log = None if out is None else log_path(out, list(part))
             if log is not None:
-                write_log_of_batch(trial, log)
-            rows.append(row_of(trial, log))
+                write_log_of_batch(part, log)
+            rows += rows_of(part, log)
         return rows
 
     def _settings(self, index: int) -> TrialSettings:

@@ -29,10 +29,15 @@ class FitOperator(Command):
     def run(self) -> None:
         """Runs the command."""
         from drake_shared.analysis.operator_fit import fit_operator, settings_of
-        from drake_shared.simulation.trial import read_log
+        from drake_shared.simulation.log import Trial, read_logs
 
-        trials = [read_log(log) for log in self.logs]
-        fit = fit_operator(trials, names=[str(log) for log in self.logs])
+        trials: list[Trial] = []
+        names: list[str] = []
+        for log in self.logs:
+            found = read_logs(log)
+            trials += found.values()
+            names += [str(log)] if len(found) == 1 else [f"{log}#{number}" for number in found]
+        fit = fit_operator(trials, names=names)
         settings = settings_of(trials) if fit.simulated else {}
         if self.json:
             told = {"operator": _who(fit), **dataclasses.asdict(fit), "set": settings or None}

@@ -12,6 +12,7 @@ from drake_shared.cli.common import open_learner, print_json
 from drake_shared.cli.options import LearnerOptions
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
+from drake_shared.demonstrations.log_table import split_number
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.scenario import Scenario
 
@@ -33,6 +34,8 @@ class Simulate(LearnerOptions):
     """Number of processes; the results do not depend on it."""
     out: Path | None = None
     """Folder for the logs; none are kept without it."""
+    trials_per_log: int = 1
+    """Most trials in one log. Several are written many times as fast; LOG#3 names trial 3 of a log."""
     resume: bool = False
     """Keep the trials whose logs are in the folder, and run the others."""
     force: bool = False
@@ -67,6 +70,7 @@ class Simulate(LearnerOptions):
             switching=switching,
             recording=recording,
             out=None if self.out is None else str(self.out),
+            trials_per_log=self.trials_per_log,
             engine=self.engine,
         )
         inform = say if self.verbose else None
@@ -79,7 +83,7 @@ class Simulate(LearnerOptions):
         else:
             print_summary(summary, len(rows))
         if self.out is not None:
-            logs = f"{len(rows)} logs"
+            logs = f"{len(rows)} logs" if self.trials_per_log == 1 else f"logs of {len(rows)} trials"
             say(f"{logs} are in {self.out}" if self.resume else f"wrote {logs} to {self.out}")
 
     def _operator(self, scenario: Scenario) -> tuple[Behaviour, bool, str | None]:
@@ -98,7 +102,7 @@ class Simulate(LearnerOptions):
                 expected = f"has a behaviour of its own; leave out {options}"
                 raise InputError(f"--operator {self.operator}", "", expected)
             return named.behaviour_in(scenario), named.switches, None
-        if not Path(self.operator).exists():
+        if not Path(split_number(self.operator)[0]).exists():
             names = ", ".join(("surrogate", *OPERATORS))
             raise InputError(self.operator, "", f"must be a log or one of {names}; there is no such file")
         recorded = read_log(self.operator).metadata["scenario"]["name"]

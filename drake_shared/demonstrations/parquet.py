@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import replacing, sha256_of
+from drake_shared.demonstrations.log_table import SEVERAL_VERSION, split_number, split_table
 from drake_shared.demonstrations.trajectories import Demonstration, Demonstrations
 
 FORMAT = "drake_shared.demonstrations"
@@ -41,7 +42,7 @@ def read_demonstrations(
     """Reads demonstration files and logs, one after another, into one set.
 
     Args:
-        paths: A file or several. A log gives one demonstration.
+        paths: A file or several. Each trial of a log gives one demonstration; FILE#3 names trial 3 alone.
         scenario: If given, files that name another scenario are refused.
         score_column: A column that holds each demonstration's score, the same in all of its rows.
 
@@ -53,20 +54,21 @@ def read_demonstrations(
         raise InputError("demonstrations", "", "needs at least one file")
     items: list[Demonstration] = []
     metadata: dict[str, Any] = {}
-    for path in files:
+    for given in files:
+        path, number = split_number(given)
         table, description = _read_table(path)
         _check_scenario(path, description, scenario or metadata.get("scenario"))
         is_log = description.get("format") == LOG_FORMAT
-        read = _read_log if is_log else _read_file
         origin = {
             "kind": "log" if is_log else "demonstrations",
-            "file": os.fspath(path),
+            "file": path,
             "sha256": sha256_of(path),
         }
-        items += [
-            dataclasses.replace(item, provenance={**item.provenance, **origin})
-            for item in read(path, table, description, score_column)
-        ]
+        if is_log:
+            read = _read_logs(path, table, description, score_column, number)
+        else:
+            read = _read_file(path, table, description, score_column)
+        items += [dataclasses.replace(item, provenance={**item.provenance, **origin}) for item in read]
         named = _scenario_name(description)
         if named is not None:
             metadata["scenario"] = named
@@ -148,8 +150,9 @@ def _read_table(path: Path) -> tuple[pa.Table, dict[str, Any]]:
     if description.get("format") not in (FORMAT, LOG_FORMAT):
         raise InputError(path, "format", f"must be {FORMAT} or {LOG_FORMAT}", description.get("format"))
     version = description.get("version")
-    if not isinstance(version, int) or version < 1 or version > VERSION:
-        raise InputError(path, "version", f"must be at most {VERSION}, the newest supported", version)
+    newest = SEVERAL_VERSION if description["format"] == LOG_FORMAT else VERSION
+    if not isinstance(version, int) or version < 1 or version > newest:
+        raise InputError(path, "version", f"must be at most {newest}, the newest supported", version)
     return table, description
 
 
@@ -237,10 +240,25 @@ def _column_scores(path: Path, table: pa.Table, groups: Sequence[NDArray[np.intp
     return scores
 
 
-def _read_log(
-    path: Path, table: pa.Table, description: Mapping[str, Any], score_column: str | None
+def _read_logs(
+    path: str,
+    table: pa.Table,
+    description: Mapping[str, Any],
+    score_column: str | None,
+    number: int | None,
 ) -> list[Demonstration]:
-    """The one demonstration of a log whose trial reached the goal without contact."""
+    """The demonstrations of a log, or the one of the trial that is named."""
+    trials = split_table(path, table, description, number)
+    return [
+        _read_log(path if trial is None else f"{path}#{trial}", rows, described, score_column)
+        for trial, (rows, described) in trials.items()
+    ]
+
+
+def _read_log(
+    path: str, table: pa.Table, description: Mapping[str, Any], score_column: str | None
+) -> Demonstration:
+    """The demonstration of a trial that reached the goal without contact."""
     names = _position_names(path, table, description)
     times, contact = (_column(path, table, name) for name in ("t", "contact"))
     status = description.get("status")
@@ -253,14 +271,12 @@ def _read_log(
     if score_column is not None:
         (score,) = _column_scores(path, table, [np.arange(table.num_rows)], score_column)
     weight = _column(path, table, "human_weight") if "human_weight" in table.column_names else None
-    return [
-        Demonstration(
-            times=times,
-            positions=np.stack([_column(path, table, name) for name in names], axis=-1),
-            yaws=_column(path, table, "yaw") if "yaw" in table.column_names else None,
-            position_names=names,
-            score=score,
-            provenance=provenance_of_trial(description, weight),
-            source=os.fspath(path),
-        )
-    ]
+    return Demonstration(
+        times=times,
+        positions=np.stack([_column(path, table, name) for name in names], axis=-1),
+        yaws=_column(path, table, "yaw") if "yaw" in table.column_names else None,
+        position_names=names,
+        score=score,
+        provenance=provenance_of_trial(description, weight),
+        source=path,
+    )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
@@ -82,5 +84,5 @@ def passing_side(positions: NDArray[np.float64], point: tuple[float, float]) -> 
     the direction of motion. Whole turns count with their sign: a loop that returns does not matter.
     """
     bearing = np.arctan2(positions[:, 1] - point[1], positions[:, 0] - point[0])
-    swept = np.unwrap(bearing)
-    return "left" if swept[-1] < swept[0] else "right"
+    turned = np.diff(bearing)
+    return "left" if (turned - math.tau * np.rint(turned / math.tau)).sum() < 0.0 else "right"

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
         Trial as Trial,
         log_columns as log_columns,
         read_log as read_log,
+        read_logs as read_logs,
         write_log as write_log,
+        write_logs as write_logs,
     )
     from drake_shared.simulation.settings import (
         TrialSettings as TrialSettings,
@@ -51,10 +53,12 @@ _MODULES = {
     "load_config": "config",
     "log_columns": "log",
     "read_log": "log",
+    "read_logs": "log",
     "run_trial": "trial",
     "settings_of_log": "settings",
     "teach": "teaching",
     "write_log": "log",
+    "write_logs": "log",
 }
 
 __all__ = sorted(_MODULES)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -17,9 +17,16 @@ from numpy.typing import NDArray
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import replacing
 from drake_shared.demonstrations import LOG_FORMAT, METADATA_KEY
+from drake_shared.demonstrations.log_table import (
+    LOG_VERSION,
+    SEVERAL_VERSION,
+    TRIAL,
+    shared_metadata,
+    split_number,
+    split_table,
+)
 from drake_shared.robots import Robot, RobotDescription, describe_robot, described_robot
 
-LOG_VERSION = 1
 _COMMANDS = ("human", "autonomous", "shared")
 _MEASURES = ("confidence", "human_weight", "mean_variance", "clearance", "contact")
 _INFLUENCE = ("moved_by_pose", "moved_by_command")
@@ -100,18 +107,82 @@ def write_log(trial: Trial, path: str | os.PathLike[str], *, durable: bool = Fal
     Raises:
         InputError: The folder cannot be written to.
     """
-    table = pa.table(dict(trial.columns))
-    table = table.replace_schema_metadata({METADATA_KEY: json.dumps(dict(trial.metadata))})
+    _write(dict(trial.columns), trial.metadata, path, durable=durable)
+
+
+def write_logs(trials: Mapping[int, Trial], path: str | os.PathLike[str]) -> None:
+    """Writes several trials into one Parquet file, atomically; a single one as `write_log` does.
+
+    Args:
+        trials: By number, from 0 on, with the same columns.
+        path: Of the file. ``FILE#3`` then names trial 3 wherever a log is read.
+
+    Raises:
+        InputError: There is no trial, or the folder cannot be written to.
+    """
+    if not trials:
+        raise InputError(path, "", "must hold at least one trial")
+    first = next(iter(trials.values()))
+    if len(trials) == 1:
+        write_log(first, path)
+        return
+    columns = {TRIAL: np.repeat(np.array(list(trials)), [len(trial["t"]) for trial in trials.values()])}
+    columns |= {name: np.concatenate([trial[name] for trial in trials.values()]) for name in first.columns}
+    metadata = shared_metadata({number: trial.metadata for number, trial in trials.items()})
+    # Values that differ from row to row: a dictionary of them takes time and saves nothing.
+    _write(columns, metadata, path, use_dictionary=[TRIAL])
+
+
+def _write(
+    columns: dict[str, NDArray[Any]],
+    metadata: Mapping[str, Any],
+    path: str | os.PathLike[str],
+    *,
+    durable: bool = False,
+    **options: Any,
+) -> None:
+    table = pa.table(columns).replace_schema_metadata({METADATA_KEY: json.dumps(dict(metadata))})
     with replacing(path, durable=durable) as temporary:
-        pq.write_table(table, temporary)
+        pq.write_table(table, temporary, **options)
 
 
 def read_log(path: str | os.PathLike[str]) -> Trial:
     """Reads a trial.
 
+    Args:
+        path: Of a file of one trial, or FILE#NUMBER for one of several.
+
+    Raises:
+        InputError: See `read_logs`; or the file holds several trials, and none of them is named.
+    """
+    trials = list(read_logs(path).items())
+    (number, trial), *others = trials
+    if others:
+        expected = f"holds {len(trials)} trials: name one of them, as in {os.fspath(path)}#{number}"
+        raise InputError(path, "", expected)
+    return trial
+
+
+def read_logs(path: str | os.PathLike[str]) -> dict[int, Trial]:
+    """Reads the trials of a file, by number; a file of one trial has number 0.
+
+    Args:
+        path: Of the file, or FILE#NUMBER for one of several trials.
+
     Raises:
         InputError: The file is missing, is not a log or of another version, or lacks columns or metadata.
     """
+    file, wanted = split_number(path)
+    table, metadata = _read(file)
+    trials = {}
+    for number, (rows, described) in split_table(file, table, metadata, wanted).items():
+        name = file if number is None else f"{file}#{number}"
+        trials[number or 0] = _trial(name, rows, described)
+    return trials
+
+
+def _read(path: str) -> tuple[pa.Table, dict[str, Any]]:
+    """Table and metadata of a log."""
     if not os.path.isfile(path):
         raise InputError(path, "", "must be a log; there is no such file")
     try:
@@ -124,8 +195,14 @@ def read_log(path: str | os.PathLike[str]) -> Trial:
         raise InputError(path, "metadata", "must be JSON") from error
     if not isinstance(metadata, dict) or metadata.get("format") != LOG_FORMAT:
         raise InputError(path, "format", f"must be {LOG_FORMAT!r}")
-    if metadata.get("version") != LOG_VERSION:
-        raise InputError(path, "version", f"must be {LOG_VERSION}", metadata.get("version"))
+    if metadata.get("version") not in (LOG_VERSION, SEVERAL_VERSION):
+        expected = f"must be {LOG_VERSION}, or {SEVERAL_VERSION} for several trials"
+        raise InputError(path, "version", expected, metadata.get("version"))
+    return table, metadata
+
+
+def _trial(path: str, table: pa.Table, metadata: dict[str, Any]) -> Trial:
+    """The trial of a table; ``path`` is for error messages."""
     _check_metadata(metadata, path)
     required = ("t", *log_columns(described_robot(metadata, source=path)))
     missing = [name for name in required if name not in table.column_names]

@@ -20,12 +20,13 @@ from pydrake.systems.primitives import VectorLog
 
 from drake_shared.common.threads import limit_blas
 from drake_shared.demonstrations import LOG_FORMAT
+from drake_shared.demonstrations.log_table import LOG_VERSION
 from drake_shared.learners import Learner
 from drake_shared.robots import Robot, describe_robot
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.diagram import AddSharedControl
-from drake_shared.simulation.log import LOG_VERSION, Trial, log_columns, read_log, write_log
+from drake_shared.simulation.log import Trial, log_columns, read_log, write_log
 from drake_shared.simulation.settings import TrialSettings, settings_of_log
 from drake_shared.simulation.shared_control import SharedControl
 from drake_shared.systems.arbiter import Arbiter
