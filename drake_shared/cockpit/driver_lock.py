@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from drake_shared.cockpit.messages import Move
+from drake_shared.cockpit.messages import Brake, Move
 from drake_shared.systems.mouse_input import MouseSample, StickSettings
 
 LOST_AFTER = 2.0
@@ -54,6 +54,7 @@ class DriverLock:
         self._holder: int | None = None
         self._sample = MouseSample()
         self._assist = assist
+        self._paused = False
         self._reasons: dict[int, str] = {}
         self._listeners: list[Callable[[], None]] = []
 
@@ -79,6 +80,11 @@ class DriverLock:
     def assist(self) -> bool:
         """Whether the agent takes part from the next trial on."""
         return self._assist
+
+    @property
+    def paused(self) -> bool:
+        """Whether the driver has paused the trial."""
+        return self._paused
 
     def end_reason(self, engagement: int) -> str | None:
         """Returns why ``engagement`` ended: RELEASED, LOST or the argument of :meth:`revoke`.
@@ -108,6 +114,7 @@ class DriverLock:
                 arrival=self._clock(),
                 stick=self._sample.stick,
             )
+            self._paused = False
         self._notify()
         return True
 
@@ -123,6 +130,21 @@ class DriverLock:
                     turn=move.turn,
                     arrival=self._clock(),
                 )
+
+    def brake(self, page: int, brake: Brake) -> None:
+        """Starts or ends a stop on request of ``page``. Ignored unless ``page`` holds the lock."""
+        with self._mutex:
+            if page != self._holder:
+                return
+            self._paused = brake.paused
+            self._sample = dataclasses.replace(self._sample, braking=brake.lifted or brake.paused)
+        self._notify()
+
+    def recentre(self, page: int) -> None:
+        """Moves the virtual stick to its centre. Ignored unless ``page`` holds the lock."""
+        with self._mutex:
+            if page == self._holder:
+                self._sample = dataclasses.replace(self._sample, centrings=self._sample.centrings + 1)
 
     def release(self, page: int, reason: str = RELEASED) -> None:
         """Frees the lock if ``page`` holds it; ``reason`` is RELEASED or LOST."""
@@ -173,6 +195,7 @@ class DriverLock:
         self._reasons[engagement] = reason
         self._reasons.pop(engagement - _KEPT_REASONS, None)
         self._holder = None
+        self._paused = False
         # The counters stay: a log keeps the last known values.
         self._sample = dataclasses.replace(self._sample, engaged=False, forward=0.0, turn=0.0)
 

@@ -55,13 +55,22 @@ class DriverWatch:
         return False
 
     def check_driver(self) -> str | None:
-        """Returns why the trial ends now, or None. While the driver's samples are stale the robot brakes."""
+        """Returns why the trial ends now, or None. The robot brakes while the samples are stale.
+
+        It also brakes while the driver asks for a stop.
+        """
         if self._interrupted.is_set():
             return INTERRUPTED
         reason = self.end_reason
-        present = reason is None and self._driver_lock.age() <= STALE_AFTER
+        braking = self._driver_lock.latest().braking
+        present = reason is None and not braking and self._driver_lock.age() <= STALE_AFTER
         self._set_driver(self._running.driver if present else "human")
         return reason
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether the driver has paused the trial and the robot is at rest."""
+        return self._driver_lock.paused and self.check_rest() is not None
 
     def check_rest(self) -> str | None:
         """Returns "at rest" once the wheels are at rest, else None."""

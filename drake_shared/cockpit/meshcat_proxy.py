@@ -20,6 +20,7 @@ from drake_shared.cockpit.access import is_upgrade
 from drake_shared.cockpit.scene_relay import relay_from
 
 _SCRIPT = '<script type="module" src="/cockpit/main.js"></script>\n'
+_HEAD = '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
 MAX_SCENES = 32
 _CHUNK = 1 << 16
 _WRITE_TIMEOUT = 10.0
@@ -80,6 +81,7 @@ class MeshcatProxy:
         assert self._client is not None
         async with self._client.get(f"{self._url}/") as response:
             page = await response.text()
+        page = page.replace("<head>", f"<head>{_HEAD}", 1).replace("<html>", '<html lang="en">', 1)
         page = page.replace("</body>", f"{_SCRIPT}</body>", 1)
         policy = _content_security_policy(page, request.host)
         return web.Response(text=page, content_type="text/html", headers={"Content-Security-Policy": policy})

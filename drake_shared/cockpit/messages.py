@@ -41,6 +41,19 @@ class Move:
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
+class Brake:
+    """Asks for a stop: ``lifted`` while no finger is on the touch stick, ``paused`` on request."""
+
+    lifted: bool
+    paused: bool
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Recentre:
+    """Moves the virtual stick to its centre."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
 class SetStick:
     """Sets gain, dead zone and return time of the virtual stick."""
 
@@ -54,7 +67,7 @@ class SetAssist:
     on: bool
 
 
-Message = Engage | Release | Move | SetStick | SetAssist
+Message = Engage | Release | Move | Brake | Recentre | SetStick | SetAssist
 
 _COUNTS = (-1e9, 1e9)
 _AXIS = (-1.0, 1.0)
@@ -88,6 +101,12 @@ def parse(text: str) -> Message:
     if kind == "release":
         _check_names(fields)
         return Release()
+    if kind == "brake":
+        _check_names(fields, "lifted", "paused")
+        return Brake(lifted=_flag(fields, "lifted"), paused=_flag(fields, "paused"))
+    if kind == "recentre":
+        _check_names(fields)
+        return Recentre()
     if kind == "stick":
         _check_names(fields, "gain", "dead_zone", "return_time")
         return SetStick(
@@ -99,10 +118,8 @@ def parse(text: str) -> Message:
         )
     if kind == "assist":
         _check_names(fields, "on")
-        if not isinstance(fields["on"], bool):
-            raise MessageError("on must be true or false")
-        return SetAssist(fields["on"])
-    raise MessageError("type must be move, engage, release, stick or assist")
+        return SetAssist(_flag(fields, "on"))
+    raise MessageError("type must be move, engage, release, brake, recentre, stick or assist")
 
 
 def _reject_constant(name: str) -> None:
@@ -112,6 +129,13 @@ def _reject_constant(name: str) -> None:
 def _check_names(fields: dict[str, Any], *names: str) -> None:
     if set(fields) != set(names):
         raise MessageError(f"the fields must be: {', '.join(('type', *names))}")
+
+
+def _flag(fields: dict[str, Any], name: str) -> bool:
+    value = fields[name]
+    if not isinstance(value, bool):
+        raise MessageError(f"{name} must be true or false")
+    return value
 
 
 def _number(fields: dict[str, Any], name: str, low: float, high: float) -> float:

@@ -35,11 +35,21 @@ class Pacer:
         self._start = clock()
         self.postponement = 0.0
         """Total time by which the schedule was postponed, in [s]."""
+        self.paused = 0.0
+        """Total time of the pauses, in [s]; no part of the schedule."""
 
     @property
     def elapsed(self) -> float:
         """Wall-clock time since the start, in [s]."""
         return self._clock() - self._start
+
+    def pause(self) -> None:
+        """Lets one period pass that is no part of the schedule."""
+        before = self._clock()
+        self._sleep(self._period)
+        passed = self._clock() - before
+        self._start += passed
+        self.paused += passed
 
     def wait(self, index: int) -> float:
         """Waits until slice ``index`` is due, at ``index * period``. Returns its lateness, in [s]."""

@@ -6,13 +6,17 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from drake_shared.analysis.metrics import metrics
 from drake_shared.analysis.scene_data import describe_task
 from drake_shared.arbitration.feedback import Feedback
+from drake_shared.cockpit.floor_plan import describe_instructed_routes, thinned
+from drake_shared.cockpit.reasons import DemonstratedRoutes, Reason, Surroundings, reason_for
 from drake_shared.learners import Learner
 from drake_shared.learners.loss_threshold import early_stop
+from drake_shared.robots import scaled_length
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.trial import RunningTrial, Simulation, Trial
 from drake_shared.systems.mouse_input import MouseInput
@@ -48,18 +52,23 @@ def describe_scene(
         "learner_warning": None if learner is None else early_stop(learner.metadata),
         "driven": driven,
         "feedback": {"rumble": feedback.rumble, "tone": feedback.tone} if feedback else None,
+        "routes": describe_instructed_routes(scenario),
     }
 
 
-class LogReader:
-    """Reads the current values of the log's columns in a running trial."""
+class StateReader:
+    """Reads what the page shows of a running trial."""
 
     def __init__(self, simulation: Simulation) -> None:
-        self._columns = simulation.parts.columns
-        multiplexer = simulation.diagram.GetSubsystemByName("log_multiplexer")
-        self._multiplexer = multiplexer
-        self._port = multiplexer.get_output_port()
-        self._parts = simulation.parts
+        self._simulation = simulation
+        self._multiplexer = simulation.diagram.GetSubsystemByName("log_multiplexer")
+        self._port = self._multiplexer.get_output_port()
+        self._scale = scaled_length(simulation.robot, 1.0)
+        demonstrations = None if simulation.learner is None else simulation.learner.demonstrations
+        self._routes = None
+        if demonstrations is not None and demonstrations.shape[-1] == 2:
+            self._routes = DemonstratedRoutes(demonstrations, scale=self._scale)
+        self._before: tuple[float, float, float, float] | None = None
 
     def read(self, running: RunningTrial) -> dict[str, float]:
         """Returns the current value of each column of the log.
@@ -67,30 +76,73 @@ class LogReader:
         This is cheap at a control step, where the values are cached; between steps it costs a prediction.
         """
         context = self._multiplexer.GetMyContextFromRoot(running.root)
-        return dict(zip(self._columns, self._port.Eval(context).tolist(), strict=True))
+        values = self._port.Eval(context).tolist()
+        return dict(zip(self._simulation.parts.columns, values, strict=True))
 
-    def read_let_go(self, running: RunningTrial) -> str | None:
-        """Returns why the agent gives up control, or None; see `drake_shared.systems.arbiter.Arbiter`."""
-        return self._parts.release_reason(running.root)
+    def describe(self, running: RunningTrial, *, paused: bool = False) -> dict[str, Any]:
+        """Returns the ``now`` message of a control step."""
+        values, parts = self.read(running), self._simulation.parts
+        # At the start nobody has touched the controls, which is not worth a warning.
+        let_go = parts.release_reason(running.root) if running.time > 0.0 else None
+        estimator = parts.estimator
+        intention = estimator.get_intention_output_port().Eval(estimator.GetMyContextFromRoot(running.root))
+        surroundings = None
+        if self._routes is not None and math.isfinite(values["x"] + values["y"]):
+            surroundings = self._routes.look(intention.first, np.array([values["x"], values["y"]]))
+        reason = reason_for(
+            values,
+            mode=running.driver,
+            has_learner=self._simulation.learner is not None,
+            arbitration=self._simulation.config.arbitration,
+            let_go=let_go,
+            surroundings=surroundings,
+            scale=self._scale,
+            paused=paused,
+        )
+        described = describe_now(values, running.time, let_go, reason=reason, surroundings=surroundings)
+        described["motion"] = self._motion(values, running.time)
+        return described
+
+    def _motion(self, values: Mapping[str, float], time: float) -> list[float | None]:
+        """Speed in [m/s] and yaw rate in [rad/s] since the step before: the robot's own, not the command."""
+        now = (time, values["x"], values["y"], values.get("yaw", math.nan))
+        before, self._before = self._before, now
+        if before is None or now[0] <= before[0]:
+            return [0.0, 0.0]
+        period, dx, dy, turned = (new - old for new, old in zip(now, before, strict=True))
+        ahead = dx * math.cos(now[3]) + dy * math.sin(now[3])
+        return _numbers(math.copysign(math.hypot(dx, dy), ahead) / period, turned / period)
 
 
-def describe_now(values: Mapping[str, float], time: float, let_go: str | None = None) -> dict[str, Any]:
+def describe_now(
+    values: Mapping[str, float],
+    time: float,
+    let_go: str | None = None,
+    *,
+    reason: Reason | None = None,
+    surroundings: Surroundings | None = None,
+) -> dict[str, Any]:
     """Returns the ``now`` message: the values that the page shows during a trial.
 
     Args:
         values: Value of each column of the log; those of a real robot may lack clearance and contact.
         time: Time since the start of the trial, in [s].
         let_go: Why the agent gives up its authority, if it does.
+        reason: Why the control is divided as it is, if it is known.
+        surroundings: Where the robot is among the demonstrations, if they are known.
     """
     return {
         "t": round(time, 3),
         "let_go": let_go,
-        "pose": _numbers(*(values.get(name) for name in ("x", "y", "yaw"))),
+        "reason": reason,
+        "open_routes": None if surroundings is None else surroundings.open_routes,
         "human_weight": _number(values["human_weight"]),
         "confidence": _number(values["confidence"]),
         "human": _pair(values, "human"),
         "autonomous": _pair(values, "autonomous"),
         "shared": _pair(values, "shared"),
+        "motion": None,
+        "pose": _numbers(values.get("x"), values.get("y"), values.get("yaw")),
         "clearance": _number(values.get("clearance")),
         "contact": values.get("contact", 0.0) > 0.5,
         "stick": _numbers(values.get("stick_forward"), values.get("stick_left")),
@@ -107,12 +159,17 @@ def describe_result(trial: Trial, saved: str | None, trouble: str | None) -> dic
         trouble: Why it was not saved, if it should have been.
     """
     measures = metrics(trial)
+    names = ("x", "y", "human_weight", "confidence", "contact")
+    rows = np.column_stack([trial["t"], *(trial[name] for name in names)])
     result: dict[str, Any] = {name: _number(measures.get(name)) for name in SHOWN_METRICS}
     return result | {
         "status": trial.status,
         "collision": bool(measures["collision"]),
         "time": round(float(trial["t"][-1]), 2) if len(trial["t"]) else 0.0,
         "mode": trial.metadata["mode"],
+        "intent_success": measures["intent_success"],
+        "route": trial.metadata.get("route"),
+        "rows": [_numbers(*row) for row in thinned(rows)],
         "saved": saved,
         "trouble": trouble,
         "failure": trial.metadata.get("failure"),

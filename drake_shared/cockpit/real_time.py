@@ -43,15 +43,23 @@ class RealTime:
             "late_steps": self.late_steps,
             "worst_lateness": self.worst_lateness,
             "put_off": self._pacer.postponement,
+            "paused": self._pacer.paused,
         }
 
-    def run(self, *, check_slice: Callable[[], str | None], check_step: Callable[[], str | None]) -> str:
+    def run(
+        self,
+        *,
+        check_slice: Callable[[], str | None],
+        check_step: Callable[[], str | None],
+        is_paused: Callable[[], bool] = lambda: False,
+    ) -> str:
         """Runs until one of the checks returns a status or the trial is over.
 
         Args:
             check_slice: Called before every slice.
             check_step: Called after every control step. Checks of the robot's state belong here: between
                 steps the state is already that of the next step, which has no row in the log yet.
+            is_paused: While it returns True, the clock of the trial stands still.
 
         Returns:
             The status that ``check_slice`` or ``check_step`` returned, or that of the trial.
@@ -60,6 +68,9 @@ class RealTime:
             status = check_slice()
             if status is not None:
                 return status
+            if is_paused():
+                self._pacer.pause()
+                continue
             self._index += 1
             lateness = self._pacer.wait(self._index)
             until = self._index * SLICE

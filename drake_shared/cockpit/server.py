@@ -25,10 +25,12 @@ from drake_shared.cockpit.listening_socket import listen
 from drake_shared.cockpit.meshcat_proxy import MeshcatProxy
 from drake_shared.cockpit.messages import (
     MAX_BYTES,
+    Brake,
     Engage,
     Message,
     MessageError,
     Move,
+    Recentre,
     Release,
     SetAssist,
     SetStick,
@@ -256,6 +258,10 @@ class CockpitServer:
                 accepted = self.driver_lock.engage(number)
             case Release():
                 self.driver_lock.release(number)
+            case Brake():
+                self.driver_lock.brake(number, message)
+            case Recentre():
+                self.driver_lock.recentre(number)
             case SetStick(stick):
                 accepted = self.driver_lock.set_stick(number, stick)
             case SetAssist(on):
@@ -291,7 +297,8 @@ class CockpitServer:
             "assist": lock.assist,
         }
         page = self._broadcast.pages[number]
-        page.send_soon("seat", json.dumps({"type": "seat", "state": state, "refused": refused}))
+        seat = {"type": "seat", "state": state, "refused": refused, "paused": lock.paused}
+        page.send_soon("seat", json.dumps(seat))
         page.send_soon("settings", json.dumps(settings))
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_shared.cockpit.driver_watch import DriverWatch
-from drake_shared.cockpit.page_state import LogReader, describe_now, describe_result, describe_scene
+from drake_shared.cockpit.page_state import StateReader, describe_result, describe_scene
 from drake_shared.cockpit.real_time import RealTime
 from drake_shared.cockpit.scene_state import SceneState
 from drake_shared.cockpit.server import CockpitServer
@@ -70,7 +70,7 @@ class Session:
         self._recorder = TrialRecorder(record, keep_logs=keep_logs)
         self._report = report
         self._on_trial = on_trial
-        self._log_reader = LogReader(simulation)
+        self._state_reader = StateReader(simulation)
         self._scene_state = SceneState(simulation)
         self.phase = "starting"
         """The phase that pages show: starting, ready, armed, driving, stopping, finished or ended."""
@@ -163,7 +163,11 @@ class Session:
             return
 
         def run(real_time: RealTime) -> str:
-            status = real_time.run(check_slice=driver.check_driver, check_step=lambda: _at_goal(running))
+            status = real_time.run(
+                check_slice=driver.check_driver,
+                check_step=lambda: _at_goal(running),
+                is_paused=lambda: driver.is_paused,
+            )
             if driver.end_reason is not None:
                 self._publish_phase("stopping", running)
                 real_time.run(check_slice=self._check_interrupted, check_step=driver.check_rest)
@@ -233,14 +237,12 @@ class Session:
         gc.collect()
 
     def _show(self, running: RunningTrial) -> None:
-        values = self._log_reader.read(running)
-        # At the start nobody has touched the controls, which is not worth a warning.
-        let_go = self._log_reader.read_let_go(running) if running.time > 0.0 else None
-        self.server.publish("now", describe_now(values, running.time, let_go))
+        described = self._state_reader.describe(running, paused=self._driver_lock.paused)
+        self.server.publish("now", described)
         routes = self._scene_state.routes(running)
         if routes is not None:
             self.server.publish("routes", routes)
-        trail = self._scene_state.trail(values, running.time)
+        trail = self._scene_state.trail(self._state_reader.read(running), running.time)
         if trail is not None:
             self.server.publish("trail", trail)
 

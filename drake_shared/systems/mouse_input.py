@@ -54,6 +54,10 @@ class MouseSample:
     arrival: float = -math.inf
     """Time of arrival, in [s], by the clock given to MouseInput."""
     stick: StickSettings = StickSettings()
+    braking: bool = False
+    """Whether the driver asks for a stop: the command is zero."""
+    centrings: int = 0
+    """A number that differs each time the driver centres the stick."""
 
 
 class MouseSource(Protocol):
@@ -89,9 +93,9 @@ class MouseInput(LeafSystem):
     differential drive, forward is speed and sideways is yaw rate (to the right is negative yaw), and its
     wheels limit both by the same factor.
 
-    The command is 0 when nobody is engaged, when the newest sample is older than ``stale_after``, and from
-    a new engagement until its first move. Disengaging centres the stick; a gap in the samples does not: when
-    samples come again the stick is where the hand has moved it.
+    The command is 0 when nobody is engaged, while the driver asks for a stop, when the newest sample is older
+    than ``stale_after``, and from a new engagement until its first move. Disengaging centres the stick; a gap
+    in the samples does not: when samples come again the stick is where the hand has moved it.
 
     Args:
         robot: Turns deflections into commands.
@@ -147,8 +151,9 @@ class MouseInput(LeafSystem):
         self._clock = clock
         self._command = self.DeclareDiscreteState(len(robot.command_names))
         self._mouse = self.DeclareDiscreteState(np.array([0.0, 0.0, _OLDEST, 0.0, 0.0, 0.0]))
-        # The last sample, to compare the next one with: engagement, counters x, y, stick forward, stick left.
-        self._memory = self.DeclareDiscreteState(np.array([_NO_ENGAGEMENT, 0.0, 0.0, 0.0, 0.0]))
+        # The last sample, to compare the next one with: engagement, counters x, y, stick forward, stick left,
+        # and the number of centrings.
+        self._memory = self.DeclareDiscreteState(np.array([_NO_ENGAGEMENT, 0.0, 0.0, 0.0, 0.0, 0.0]))
         # Time since the last event, and the deflections by keys or gamepad past the dead zone then.
         self._idle = self.DeclareDiscreteState(np.array([math.inf]))
         self._held = self.DeclareDiscreteState(2)
@@ -183,7 +188,7 @@ class MouseInput(LeafSystem):
             # A NaN would stay in the stick forever.
             sample = dataclasses.replace(sample, engaged=False, x=0.0, y=0.0, forward=0.0, turn=0.0)
         stick = self._moved_stick(context, sample) if sample.engaged else (0.0, 0.0)
-        drives = sample.engaged and age <= self._stale_after
+        drives = sample.engaged and not sample.braking and age <= self._stale_after
         forward = _clip(stick[0] + sample.forward) if drives else 0.0
         left = _clip(stick[1] + sample.turn) if drives else 0.0
         dead_zone = sample.stick.dead_zone
@@ -195,7 +200,7 @@ class MouseInput(LeafSystem):
         )
         state.set_value(self._command, command)
         state.set_value(self._mouse, [sample.x, sample.y, age, forward, left, float(sample.engaged)])
-        state.set_value(self._memory, [sample.engagement, sample.x, sample.y, *stick])
+        state.set_value(self._memory, [sample.engagement, sample.x, sample.y, *stick, sample.centrings])
         state.set_value(self._idle, [self._idle_time(context, sample)])
         state.set_value(self._held, _deflected(sample))
 
@@ -212,10 +217,13 @@ class MouseInput(LeafSystem):
 
     def _moved_stick(self, context: Context, sample: MouseSample) -> tuple[float, float]:
         """The stick, forward and to the left, after the displacement since the last sample."""
-        engagement, last_x, last_y, forward, left = context.get_discrete_state(self._memory).value()
+        memory = context.get_discrete_state(self._memory).value()
+        engagement, last_x, last_y, forward, left, centrings = memory
         if engagement != sample.engagement:
             # Counters start at 0 when a driver engages, so that the first move counts.
             last_x = last_y = forward = left = 0.0
+        if centrings != sample.centrings:
+            last_x, last_y, forward, left = sample.x, sample.y, 0.0, 0.0
         settings = sample.stick
         if settings.return_time > 0:
             back = self._period / settings.return_time

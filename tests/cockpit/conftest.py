@@ -259,7 +259,7 @@ def browser(browser_path):
 @pytest.fixture
 def browser_context(browser):
     # A small window: without a graphics card a large one takes long to draw.
-    context = browser.new_context(viewport={"width": 640, "height": 480})
+    context = browser.new_context(viewport={"width": 800, "height": 600})
     context.set_default_timeout(1000 * PATIENCE)
     yield context
     context.close()
@@ -268,7 +268,7 @@ def browser_context(browser):
 @pytest.fixture(scope="module")
 def lasting_context(browser):
     """For a window that is used by several tests, since a page takes two seconds to load."""
-    context = browser.new_context(viewport={"width": 640, "height": 480})
+    context = browser.new_context(viewport={"width": 800, "height": 600})
     context.set_default_timeout(1000 * PATIENCE)
     yield context
     context.close()
@@ -277,7 +277,7 @@ def lasting_context(browser):
 @pytest.fixture
 def other_context(browser):
     """A separate browser context: a second tab would take the focus of the first one and stop it."""
-    context = browser.new_context(viewport={"width": 640, "height": 480})
+    context = browser.new_context(viewport={"width": 800, "height": 600})
     context.set_default_timeout(1000 * PATIENCE)
     yield context
     context.close()

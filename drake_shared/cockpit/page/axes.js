@@ -13,6 +13,7 @@ export class Axes {
   touch = { forward: 0, turn: 0 };
   onChange = () => {};
   onEscape = () => {};
+  onKey = () => {};
   #keys = new Keys();
   #gamepads = new Gamepads();
   #pressed = { forward: 0, turn: 0 };
@@ -25,6 +26,7 @@ export class Axes {
       if (this.#timer !== null) this.update();
     };
     this.#keys.onEscape = () => this.onEscape();
+    this.#keys.onKey = (code) => this.onKey(code);
   }
 
   start() {

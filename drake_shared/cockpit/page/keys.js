@@ -22,6 +22,7 @@ export class Keys {
   onChange = () => {};
   onLetGo = () => {};
   onEscape = () => {};
+  onKey = () => {};
   #held = new Set();
   #listening = false;
 
@@ -56,7 +57,11 @@ export class Keys {
     if (META.includes(code) || event.metaKey) return this.letGo();
     // While driving, these keys must neither scroll nor press the button that has the focus.
     if (code in KEYS || ["Space", "Enter"].includes(code)) event.preventDefault();
-    if (!(code in KEYS) || event.ctrlKey || event.altKey) return;
+    if (event.ctrlKey || event.altKey) return;
+    if (!(code in KEYS)) {
+      if (!event.repeat) this.onKey(code);
+      return;
+    }
     this.#held.add(code);
     if (!event.repeat) this.onChange();
   }

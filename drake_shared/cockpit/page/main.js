@@ -3,10 +3,14 @@
 import { Axes } from "./axes.js";
 import { Connection } from "./connection.js";
 import { Feedback } from "./feedback.js";
+import { Intro } from "./intro.js";
 import { Mouse } from "./mouse.js";
 import { Panel } from "./panel.js";
+import { showResult } from "./review.js";
 import { Scene } from "./scene.js";
 import { Settings } from "./settings.js";
+import { Tabs } from "./tabs.js";
+import { TouchStick } from "./touch.js";
 
 const HEARTBEAT = 50; // ms; the robot brakes 150 ms after the last message.
 
@@ -15,26 +19,39 @@ const overlay = await (await fetch("/cockpit/overlay.html")).text();
 await styled;
 document.body.insertAdjacentHTML("beforeend", overlay);
 document.body.classList.add("cockpit");
+const at = (id) => document.getElementById(id);
+const pane = at("meshcat-pane");
+at("stage").prepend(pane);
 
-const scene = new Scene(window.viewer, document.getElementById("meshcat-pane"));
+const scene = new Scene(window.viewer, pane);
 const panel = new Panel();
-const mouse = new Mouse(document.getElementById("mouse-area"));
+const intro = new Intro();
+const tabs = new Tabs(at("tabs"), document.querySelectorAll("[role=tabpanel]"));
+const mouse = new Mouse(at("mouse-area"));
 const axes = new Axes();
 const feedback = new Feedback();
+const touch = new TouchStick(at("touch-stick"));
 const connection = new Connection("/drive");
 const settings = new Settings((message) => connection.send(message));
 let engaged = false;
 let closing = false;
+let task = null;
+tabs.setAvailable("panel-result", false);
+tabs.setAvailable("panel-setup", false);
+tabs.setAvailable("panel-history", false);
 
 function sendMove() {
   connection.send({ type: "move", x: mouse.x, y: mouse.y, forward: axes.forward, turn: axes.turn });
 }
 
-async function engage() {
+async function engage(event) {
   if (engaged) return;
   panel.disableButton();
   feedback.start();
-  await mouse.capture();
+  intro.close();
+  const byTouch = event.pointerType === "touch";
+  touch.show(byTouch);
+  if (!byTouch) await mouse.capture();
   axes.start();
   scene.setDriving(true);
   engaged = true;
@@ -46,17 +63,37 @@ function release() {
   engaged = false;
   feedback.stop();
   axes.stop();
+  touch.show(false);
   mouse.release();
   scene.setDriving(false);
   // A page that is closed sends nothing: its driver is lost, and did not stop.
   if (!closing) connection.send({ type: "release" });
 }
 
-panel.onDrive = () => (engaged ? release() : engage());
+// The stick is centred at the end of a pause, so that the robot does not start by itself.
+function pause() {
+  if (!engaged || panel.phase !== "driving") return;
+  if (panel.paused) recentre();
+  connection.send({ type: "brake", lifted: false, paused: !panel.paused });
+}
+
+function recentre() {
+  if (engaged) connection.send({ type: "recentre" });
+}
+
+panel.onDrive = (event) => (engaged ? release() : engage(event));
 mouse.onMove = () => engaged && sendMove();
 mouse.onRelease = release;
 axes.onChange = () => engaged && sendMove();
 axes.onEscape = release;
+axes.onKey = (code) => ({ KeyP: pause, KeyC: recentre })[code]?.();
+touch.onChange = () => {
+  axes.touch = { forward: touch.forward, turn: touch.turn };
+  if (engaged) axes.update();
+};
+touch.onLift = (lifted) => engaged && connection.send({ type: "brake", lifted, paused: panel.paused });
+at("pause").addEventListener("click", pause);
+at("recentre").addEventListener("click", recentre);
 setInterval(() => engaged && sendMove(), HEARTBEAT);
 
 // Nobody drives from a window that is hidden or has lost the keyboard.
@@ -74,22 +111,29 @@ connection.on("close", (reason) => {
   panel.setConnected(false, reason);
 });
 connection.on("scene", (message) => {
+  task = message;
   document.title = `drake_shared: ${message.scenario}`;
   scene.setTask(message);
   panel.setScene(message);
   feedback.setScene(message);
   settings.setScene(message);
+  tabs.setAvailable("panel-stick", message.driven);
 });
 connection.on("seat", (message) => {
   // The driver lock was refused, or the trial is over: free the mouse.
-  if (message.state !== "yours" && engaged && (message.refused || panel.lockState === "yours")) release();
-  panel.setLockState(message.state);
+  if (message.state !== "yours" && engaged && (message.refused || panel.mine)) release();
+  panel.setLock(message);
 });
 connection.on("settings", (message) => settings.show(message));
 let driven = false; // Whether a trial runs, whose way the scene draws.
 connection.on("trial", (message) => {
   driven = ["driving", "stopping"].includes(message.phase);
   panel.setTrial(message);
+  tabs.setAvailable("panel-result", message.result !== null);
+  if (message.result && task) {
+    showResult(message.result, task);
+    tabs.show("panel-result");
+  }
 });
 connection.on("now", (message) => {
   panel.setNow(message);

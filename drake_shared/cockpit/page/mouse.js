@@ -26,8 +26,9 @@ export class Mouse {
   async capture() {
     this.x = this.y = 0;
     this.#element.hidden = false;
+    const canLock = "requestPointerLock" in this.#element;
     this.#locked = (await this.#lock({ unadjustedMovement: true })) || (await this.#lock());
-    if (!this.#locked) {
+    if (!this.#locked && canLock) {
       await new Promise((resolve) => setTimeout(resolve, RELOCK_AFTER));
       this.#locked = await this.#lock();
     }

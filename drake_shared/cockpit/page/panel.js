@@ -1,22 +1,29 @@
-// The panel: button, status line, values of the running trial, and result.
+// The panel: button, who drives and why, values of the running trial.
 
 import { CommandPlot, StickPlot } from "./plots.js";
-import { describe, listMetrics } from "./result.js";
+import { levelOf, who, why } from "./phrases.js";
 
 const at = (id) => document.getElementById(id);
 const percent = (share) => (share === null ? "–" : `${Math.round(100 * share)} %`);
 const unit = (value, digits, name) => (value === null ? "–" : `${value.toFixed(digits)} ${name}`);
+const HELD = 600; // ms for which a reason stays, unless a more urgent one comes.
+const URGENT = ["contact", "paused", "hands_off", "conflict"];
+const RUNNING = ["armed", "driving", "stopping"];
 
 export class Panel {
   onDrive = () => {};
   lockState = "free";
+  paused = false;
   #phase = "connecting";
   #connected = false;
+  #everConnected = false;
   #reason = "";
   #scene = null;
-  #withoutAgent = false;
   #result = null;
   #now = null;
+  #level = "human";
+  #said = { reason: null, until: 0 };
+  #sayLater = null;
   #stick = new StickPlot(at("stick-plot"));
   #commands = new CommandPlot(at("command-plot"));
   #rows = Object.fromEntries(
@@ -27,16 +34,27 @@ export class Panel {
   );
 
   constructor() {
-    at("drive").addEventListener("click", () => {
+    at("drive").addEventListener("click", (event) => {
+      // While driving, Space and Enter must not press the button.
       at("drive").blur();
-      this.onDrive();
+      this.onDrive(event);
     });
+  }
+
+  get phase() {
+    return this.#connected ? this.#phase : "connecting";
+  }
+
+  get mine() {
+    return this.lockState === "yours";
   }
 
   setConnected(connected, reason = "") {
     this.#connected = connected;
+    this.#everConnected ||= connected;
     this.#reason = reason;
     if (!connected) this.lockState = "free";
+    document.body.classList.toggle("offline", !connected && this.#everConnected);
     this.#update();
   }
 
@@ -45,11 +63,8 @@ export class Panel {
     const parts = [scene.scenario, scene.learner ?? "no learner", scene.learner_warning];
     at("task").textContent = parts.filter(Boolean).join(" · ");
     for (const element of document.querySelectorAll(".driven-only")) element.hidden = !scene.driven;
-    for (const element of document.querySelectorAll(".human-name")) {
-      element.textContent = scene.driven ? "You" : "Human";
-    }
     document.body.dataset.driven = String(scene.driven);
-    at("time-left").textContent = scene.duration.toFixed(1);
+    this.#setTime(scene.duration);
     this.#update();
   }
 
@@ -57,46 +72,64 @@ export class Panel {
     at("drive").disabled = true;
   }
 
-  setLockState(state) {
+  setLock({ state, paused }) {
     this.lockState = state;
+    this.paused = paused;
+    at("pause").setAttribute("aria-pressed", String(paused));
+    at("pause").textContent = paused ? "Go on (P)" : "Pause (P)";
+    if (this.#now) this.#sayWhy(this.#now);
     this.#update();
   }
 
-  setTrial({ phase, mode, result }) {
+  setTrial({ phase, result }) {
     this.#phase = phase;
     this.#result = result;
-    this.#withoutAgent = mode === "human" && this.#scene?.learner !== null;
-    if (result) {
-      at("outcome").textContent = describe(result);
-      at("assistance-used").textContent = result.mode === "human" ? "without assistance" : "with assistance";
-      at("outcome").dataset.outcome = result.collision ? "collided" : result.status;
-      listMetrics(at("metrics"), result, this.#scene.driven);
-      const saved = result.trouble ?? (result.saved ? `Saved as ${result.saved}` : "");
-      at("saved").textContent = [result.failure, saved].filter(Boolean).join(". ");
-      at("saved").classList.toggle("trouble", Boolean(result.trouble || result.failure));
-    }
+    if (["ready", "armed"].includes(phase)) this.#said = { reason: null, until: 0 };
     this.#update();
   }
 
   setNow(now) {
     this.#now = now;
-    const scene = this.#scene;
-    if (!scene) return;
-    const left = Math.max(scene.duration - now.t, 0);
-    at("time-left").textContent = left.toFixed(1);
-    at("time-bar").firstElementChild.style.transform = `scaleX(${left / scene.duration})`;
+    if (!this.#scene) return;
+    this.#setTime(Math.max(this.#scene.duration - now.t, 0));
     const weight = now.human_weight;
+    if (weight !== null) this.#level = levelOf(weight, this.#level);
     at("human-share").textContent = percent(weight);
     at("agent-share").textContent = percent(weight === null ? null : 1 - weight);
-    at("share-bar").setAttribute("aria-valuenow", Math.round(100 * (weight ?? 1)));
-    at("share-bar").style.setProperty("--human", weight ?? 1);
+    meter("share-bar", weight, "--human");
     at("confidence").textContent = percent(now.confidence);
-    at("confidence-bar").setAttribute("aria-valuenow", Math.round(100 * (now.confidence ?? 0)));
-    at("confidence-bar").style.setProperty("--confidence", now.confidence ?? 0);
+    meter("confidence-bar", now.confidence, "--confidence");
+    at("speed").textContent = unit(this.#speed(now), 2, "m/s");
     at("clearance").textContent = now.contact ? "contact" : unit(now.clearance, 2, "m");
     at("clearance-cell").classList.toggle("contact", now.contact);
     this.#showCommands(now);
+    this.#sayWhy(now);
     this.#update();
+  }
+
+  #setTime(left) {
+    at("time-left").textContent = left.toFixed(1);
+    at("time-bar").firstElementChild.style.transform = `scaleX(${left / this.#scene.duration})`;
+  }
+
+  // The robot's own speed; a real robot may report none, then that of the command.
+  #speed(now) {
+    if (now.motion) return Math.abs(now.motion[0] ?? 0);
+    return this.#twist(now.shared)?.speed ?? null;
+  }
+
+  #sayWhy(now) {
+    const clock = performance.now();
+    const reason = this.paused ? "paused" : now.reason;
+    if (reason !== this.#said.reason && (clock > this.#said.until || URGENT.includes(reason))) {
+      this.#said = { reason, until: clock + HELD };
+    } else if (reason !== this.#said.reason) {
+      clearTimeout(this.#sayLater);
+      this.#sayLater = setTimeout(() => this.#sayWhy(this.#now), this.#said.until - clock + 1);
+    }
+    const text = this.#said.reason ? why(this.#said.reason, now.open_routes, this.mine) : "";
+    if (at("why").textContent !== text) at("why").textContent = text;
+    at("why").dataset.reason = this.#said.reason ?? "";
   }
 
   #showCommands(now) {
@@ -107,7 +140,6 @@ export class Panel {
       speed.textContent = twist ? twist.speed.toFixed(2) : "–";
       yawRate.textContent = twist ? twist.yawRate.toFixed(2) : "–";
       points[name] = twist && [-twist.yawRate / this.#scene.max_yaw_rate, -twist.speed / this.#scene.max_speed];
-      if (name === "shared") at("speed").textContent = unit(twist && twist.speed, 2, "m/s");
     }
     this.#commands.show(points);
     this.#stick.show(now.stick);
@@ -120,55 +152,72 @@ export class Panel {
   }
 
   #update() {
-    const mine = this.lockState === "yours";
-    const phase = this.#connected ? this.#phase : "connecting";
+    const { mine, phase } = this;
     at("deck").dataset.phase = phase;
-    at("deck").dataset.result = this.#result ? "shown" : "none";
+    at("deck").dataset.running = String(RUNNING.includes(phase));
     document.body.dataset.driverLock = this.#connected ? this.lockState : "none";
-    at("drive").textContent = mine ? "Stop (Esc)" : this.#result ? "Again" : "Drive";
+    const driven = this.#scene?.driven ?? true;
+    for (const element of document.querySelectorAll(".human-name")) {
+      element.textContent = mine || (driven && !RUNNING.includes(phase)) ? "You" : driven ? "Driver" : "Operator";
+    }
+    at("drive").textContent = mine ? "Stop (Esc)" : this.#result ? "Drive again" : "Drive";
     at("drive").classList.toggle("stop", mine);
     const free = this.lockState === "free" && ["ready", "finished"].includes(phase);
     at("drive").disabled = !this.#connected || !(mine || free);
-    at("drive").hidden = this.#scene !== null && !this.#scene.driven;
-    at("hint").textContent = mine ? "Arrow keys and gamepad add to the mouse." : this.#instructions();
-    at("status").textContent = this.#status(phase, mine);
+    at("drive").hidden = !driven;
+    at("pause").disabled = at("recentre").disabled = !mine;
+    at("hint").textContent = this.#hint(phase);
+    const status = this.#status(phase);
+    if (at("status").textContent !== status) at("status").textContent = status;
     at("phase-dot").dataset.phase = phase;
   }
 
-  #instructions() {
+  #hint(phase) {
     if (!this.#scene?.driven) return "A simulated operator drives the routes one after another.";
-    return "Move the mouse away to go forward, sideways to turn. Arrow keys and gamepad work too.";
+    if (this.mine || RUNNING.includes(phase)) return "";
+    return "Mouse: away is forward, sideways turns. Arrow keys, WASD, gamepad and touch work too.";
   }
 
-  #status(phase, mine) {
-    if (this.#phase === "ended") return "The program has ended.";
-    if (!this.#connected) {
-      return this.#reason ? `Connection closed: ${this.#reason}.` : "No connection. Is the program still running?";
-    }
-    const watching = this.#scene?.driven && this.lockState === "taken";
-    const isInvalid = this.#now?.confidence === null && !this.#withoutAgent && this.#scene?.learner !== null;
-    if (phase === "driving" && isInvalid) return "The learner outputs NaN: the human drives alone.";
-    if (watching) return "Someone else is driving. You are watching.";
-    const alone = this.#withoutAgent ? " without assistance" : "";
+  #status(phase) {
+    if (!this.#connected) return this.#lost();
+    const driven = this.#scene?.driven;
+    const watching = driven && this.lockState === "taken";
     switch (phase) {
+      case "training":
+        return "Learning from your drives…";
       case "ready":
-        return this.lockState === "none" ? "About to start." : "Ready. Click Drive, then move the mouse.";
+        return driven ? "Ready. Click Drive, then move." : "About to start.";
       case "armed":
-        return mine ? "You have the controls. The clock starts with your first move." : "About to start.";
-      case "driving":
-        if (this.#now?.let_go === "hands_off") {
-          return mine ? "Hands off: stopping. Move to go on." : "Hands off: stopping.";
-        }
-        if (this.#now?.let_go === "conflict") {
-          return mine ? "You and the agent disagree: you drive alone." : "In conflict: the human drives alone.";
-        }
-        return mine ? `You are driving${alone}. Reach the green goal.` : `Driving${alone}.`;
+        if (watching) return "Someone else has the controls. You are watching.";
+        return this.mine ? "You have the controls. The clock starts with your first move." : "About to start.";
+      case "driving": {
+        if (this.paused) return "Paused.";
+        const text = who(this.#level, this.mine, driven);
+        return watching ? `You are watching. ${text}` : text;
+      }
       case "stopping":
         return "Braking.";
       case "finished":
-        return this.lockState === "none" ? "The next trial follows." : "Click Again for another trial.";
+        return driven ? "Click Drive again for another trial." : "The next trial follows.";
+      case "ended":
+        return "The program has ended. This page comes back when it runs again.";
       default:
         return "Connecting…";
     }
   }
+
+  #lost() {
+    if (!this.#everConnected) return "Connecting…";
+    if (this.#phase === "ended" || this.#reason === "ended") {
+      return "The program has ended. This page comes back when it runs again.";
+    }
+    return this.#reason
+      ? `Connection closed: ${this.#reason}. Trying again…`
+      : "The connection is lost. Trying again…";
+  }
+}
+
+function meter(id, value, property) {
+  at(id).setAttribute("aria-valuenow", Math.round(100 * (value ?? 0)));
+  at(id).style.setProperty(property, value ?? 0);
 }

@@ -1,0 +1,106 @@
+// Draws a task and the ways driven in it from above: workspace, obstacles, start, goal, routes and paths.
+// Lengths in m from the middle of the workspace, y up.
+
+import { svg } from "./svg.js";
+
+export class FloorMap {
+  element;
+  #scene;
+  #middle;
+  #unit;
+  #paths = svg("g");
+  #marks = svg("g");
+  #obstacles = [];
+
+  // `label` is read out in place of the drawing.
+  constructor(scene, label) {
+    const [left, right, bottom, top] = scene.workspace;
+    this.#scene = scene;
+    this.#middle = [(left + right) / 2, (bottom + top) / 2];
+    this.#unit = Math.max(right - left, top - bottom) / 100;
+    const [width, height] = [right - left, top - bottom];
+    const margin = this.#unit;
+    const box = [-width / 2 - margin, -height / 2 - margin, width + 2 * margin, height + 2 * margin];
+    this.element = svg("svg", { class: "floor-map", viewBox: box.join(" "), role: "img", "aria-label": label });
+    this.element.append(
+      svg("rect", { class: "floor", x: -width / 2, y: -height / 2, width, height, rx: this.#unit / 2 }),
+      ...scene.obstacles.map((obstacle) => this.#drawObstacle(obstacle)),
+      this.#circle("goal", scene.goal, scene.goal[2]),
+      this.#circle("start", scene.start, 0.3 * scene.robot_radius),
+      this.#paths,
+      this.#marks,
+    );
+  }
+
+  // Shows one way driven; `rows` are [t, x, y, w, confidence, contact].
+  addPath(rows, className) {
+    const points = rows.filter(([, x, y]) => x !== null && y !== null);
+    const line = points.map(([, x, y]) => this.at([x, y]).join(" ")).join("L");
+    if (!line) return;
+    this.#paths.append(svg("path", { class: `driven ${className}`, d: `M${line}`, "stroke-width": 0.7 * this.#unit }));
+    const contact = points.find((row) => row[5]);
+    if (contact) this.#marks.append(this.#cross(contact.slice(1, 3)));
+  }
+
+  addRoute(route) {
+    const line = route.path.map((point) => this.at(point).join(" ")).join("L");
+    this.#paths.append(svg("path", { class: "instructed", d: `M${line}`, "stroke-width": 0.9 * this.#unit }));
+  }
+
+  clear() {
+    this.#paths.replaceChildren();
+    this.#marks.replaceChildren();
+  }
+
+  at([x, y]) {
+    return [round(x - this.#middle[0]), round(this.#middle[1] - y)];
+  }
+
+  // Moves the obstacles that have a path to where they are at a time.
+  showObstacles(time) {
+    for (const { obstacle, element } of this.#obstacles) {
+      if (!obstacle.path?.length) continue;
+      const [x, y] = this.at(along(obstacle.path, time));
+      element.setAttribute("transform", `translate(${x} ${y}) rotate(${(-180 / Math.PI) * (obstacle.yaw ?? 0)})`);
+    }
+  }
+
+  #drawObstacle(obstacle) {
+    const [x, y] = this.at([obstacle.x, obstacle.y]);
+    const { radius, length, width, yaw = 0 } = obstacle;
+    const element = radius
+      ? svg("circle", { r: radius })
+      : svg("rect", { x: -length / 2, y: -width / 2, width: length, height: width });
+    element.setAttribute("class", "obstacle");
+    element.setAttribute("transform", `translate(${x} ${y}) rotate(${(-180 / Math.PI) * yaw})`);
+    this.#obstacles.push({ obstacle, element });
+    return element;
+  }
+
+  #circle(name, place, r) {
+    const [cx, cy] = this.at(place);
+    return svg("circle", { class: name, cx, cy, r });
+  }
+
+  #cross(place) {
+    const [x, y] = this.at(place);
+    const d = 1.6 * this.#unit;
+    return svg("path", {
+      class: "contact-mark",
+      d: `M${x - d} ${y - d}L${x + d} ${y + d}M${x - d} ${y + d}L${x + d} ${y - d}`,
+      "stroke-width": 0.8 * this.#unit,
+    });
+  }
+}
+
+function along(path, time) {
+  const after = path.findIndex(([t]) => t >= time);
+  if (after === 0) return path[0].slice(1);
+  if (after < 0) return path.at(-1).slice(1);
+  const [t0, x0, y0] = path[after - 1];
+  const [t1, x1, y1] = path[after];
+  const share = (time - t0) / (t1 - t0);
+  return [x0 + share * (x1 - x0), y0 + share * (y1 - y0)];
+}
+
+const round = (value) => Math.round(1e4 * value) / 1e4;

@@ -1,0 +1,39 @@
+// Describes how a drive ended, and what its measures mean.
+
+const OUTCOMES = {
+  reached: "Goal reached",
+  timed_out: "Time is up",
+  stopped: "Stopped",
+  page_closed: "Driver lost",
+  interrupted: "Interrupted",
+  failed: "Failed",
+};
+
+// Name, field of the result, digits, unit, meaning, and which way is better (where one is).
+export const MEASURES = [
+  ["Time", "time", 1, "s", "first move to the end", "less is better"],
+  ["Human's share", "mean_human_weight", 0, "%", "set by the arbiter", "neither way is better"],
+  ["Effort", "human_effort", 0, "rad", "the human's command, summed", "less is better"],
+  ["Disagreement", "disagreement_rate", 1, "rad/s", "between human and agent", "less is better"],
+  ["Least distance", "clearance", 2, "m", "to an obstacle", "more is safer"],
+  ["Path", "path_length", 2, "m", "length of the way driven", "shorter is better"],
+  ["Smoothness", "smoothness", 2, "", "of the speed", "nearer 0 is smoother"],
+];
+
+export function outcomeOf(result) {
+  const outcome = OUTCOMES[result.status] ?? result.status;
+  if (result.collision) return `${outcome}, with contact`;
+  if (result.intent_success === false && result.status === "reached") return `${outcome}, but not along the route asked for`;
+  return outcome;
+}
+
+export function assistanceOf(result) {
+  return result.mode === "human" ? "without assistance" : "with assistance";
+}
+
+// A measure as text, such as "0.42 m"; a dash where it is unknown.
+export function measureOf(result, [, field, digits, unit]) {
+  const value = result[field] ?? null;
+  if (value === null) return "–";
+  return `${(value * (unit === "%" ? 100 : 1)).toFixed(digits)} ${unit}`.trim();
+}

@@ -1,0 +1,32 @@
+// The panel of the last drive: outcome, measures with their meaning, weights over time, and a map.
+
+import { weightChart } from "./chart.js";
+import { FloorMap } from "./floor_map.js";
+import { assistanceOf, measureOf, MEASURES, outcomeOf } from "./outcome.js";
+import { html } from "./svg.js";
+
+const at = (id) => document.getElementById(id);
+
+export function showResult(result, scene) {
+  at("outcome").textContent = outcomeOf(result);
+  at("outcome").dataset.outcome = result.collision ? "collided" : result.status;
+  at("assistance-used").textContent = assistanceOf(result);
+  at("metrics").replaceChildren(
+    ...MEASURES.map((measure) => {
+      const [name, , , , meaning, better] = measure;
+      const value = html("dd", { class: "value" }, measureOf(result, measure));
+      const note = html("dd", { class: "meaning" }, `${meaning}; ${better}`);
+      return html("div", {}, html("dt", {}, name), value, note);
+    }),
+  );
+  const rows = result.rows ?? [];
+  at("result-chart").replaceChildren(...weightChart(rows));
+  const map = new FloorMap(scene, "Map of the drive");
+  const route = scene.routes?.find((candidate) => candidate.name === result.route);
+  if (route) map.addRoute(route);
+  map.addPath(rows, result.mode === "human" ? "human" : "shared");
+  at("result-map").replaceChildren(map.element, html("figcaption", {}, "The way driven; a cross marks contact"));
+  const saved = result.trouble ?? (result.saved ? `Saved as ${result.saved}` : "");
+  at("saved").textContent = [result.failure, saved].filter(Boolean).join(". ");
+  at("saved").classList.toggle("trouble", Boolean(result.trouble || result.failure));
+}

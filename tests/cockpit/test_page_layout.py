@@ -1,0 +1,265 @@
+"""Every state of the page at every size: nothing is cut off or overlaps, and axe-core finds no fault."""
+
+import re
+from typing import get_args
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+from drake_shared.cockpit import CockpitServer, DriverLock, describe_now, describe_scene, start_meshcat
+from drake_shared.cockpit.page_state import describe_result
+from drake_shared.cockpit.reasons import Reason, Surroundings
+from drake_shared.learners import load_learner
+from drake_shared.scenario import load_scenario
+from drake_shared.systems.mouse_input import MouseInput
+
+pytestmark = pytest.mark.browser
+
+# The last three are 1280x800, 1920x1080 and 800x600 magnified by two.
+SIZES = [
+    (1280, 800),
+    (1920, 1080),
+    (960, 700),
+    (800, 600),
+    (390, 844),
+    (360, 740),
+    (640, 400),
+    (400, 300),
+]
+
+# Returns which visible texts and controls leave the page or their box, are covered, or overlap.
+FAULTS = """() => {
+  const faults = [];
+  const seen = (element) => element.checkVisibility() && element.getBoundingClientRect().width > 1;
+  const name = (element) => `${element.tagName.toLowerCase()}#${element.id || element.className}`;
+  const wide = document.documentElement.scrollWidth;
+  if (wide > innerWidth) faults.push(`the page is ${wide} wide in a window of ${innerWidth}`);
+  const parts = [...document.querySelectorAll(
+    "#cockpit-header, #stage, #deck > section, #panels, #tabs, [role=tabpanel], #said, #clock, #view-buttons"
+  )].filter(seen);
+  const box = (element) => element.getBoundingClientRect();
+  parts.forEach((part, i) => {
+    const a = box(part);
+    if (a.left < -0.5 || a.right > innerWidth + 0.5) faults.push(`${name(part)} leaves the window`);
+    for (const other of parts.slice(i + 1)) {
+      if (part.contains(other) || other.contains(part)) continue;
+      const b = box(other);
+      const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+      const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+      // The header stays above what is scrolled.
+      if (part.id !== "cockpit-header" && !part.closest("#cockpit-header") && across > 0.5 && down > 0.5) {
+        faults.push(`${name(part)} overlaps ${name(other)}`);
+      }
+    }
+    if (part.id === "stage") return;
+    for (const child of [...part.querySelectorAll("*")].filter(seen)) {
+      if (child.closest("svg") && child.tagName !== "svg") continue;
+      if (child.closest(".switch .track, .hidden-text, #touch-stick")) continue;
+      const c = box(child);
+      if (c.right > a.right + 0.5 || c.bottom > a.bottom + 0.5 || c.left < a.left - 0.5) {
+        faults.push(`${name(part)}: ${name(child)} sticks out`);
+      }
+      const style = getComputedStyle(child);
+      const clips = style.overflowX !== "visible" || style.overflowY !== "visible";
+      const tooWide = child.scrollWidth > child.clientWidth + 1;
+      if (clips && (tooWide || child.scrollHeight > child.clientHeight + 1)) {
+        if (!/auto|scroll/.test(style.overflow + style.overflowY)) faults.push(`${name(child)} is cut off`);
+      }
+    }
+  });
+  return faults;
+}"""
+# What a driver must see without scrolling, which is not possible while the mouse is captured.
+ESSENTIAL = ("#status", "#why", "#share-bar", "#drive", "#time-left", "#stage")
+IN_VIEW = """(selectors) => {
+  scrollTo(0, 0);
+  return selectors.filter((selector) => {
+    const box = document.querySelector(selector).getBoundingClientRect();
+    return box.bottom > innerHeight + 1 || box.top < -1 || box.width < 1;
+  });
+}"""
+AXE_OPTIONS = {"resultTypes": ["violations"]}
+
+
+class Inspector:
+    """A page that is looked at in every size, in one state after the other."""
+
+    def __init__(self, page):
+        self._page = page
+        self.faults: list[str] = []
+
+    def inspect(self, state: str, *, driving: bool = False):
+        for width, height in SIZES:
+            self._page.set_viewport_size({"width": width, "height": height})
+            where = f"{state} at {width}x{height}: "
+            self.faults += [where + fault for fault in self._page.evaluate(FAULTS)]
+            if driving and height >= 400:
+                missing = self._page.evaluate(IN_VIEW, list(ESSENTIAL))
+                self.faults += [f"{where}{selector} is not in view" for selector in missing]
+        for theme in ("light", "dark"):
+            self._page.evaluate("(theme) => { document.documentElement.dataset.theme = theme; }", theme)
+            for size in ((1280, 800), (390, 844)):
+                self._page.set_viewport_size({"width": size[0], "height": size[1]})
+                found = Axe().run(self._page, options=AXE_OPTIONS).response["violations"]
+                self.faults += [
+                    f"{state}, {theme}, {size}: {violation['id']}: {node['target']} {node['failureSummary']}"
+                    for violation in found
+                    for node in violation["nodes"]
+                ]
+
+
+NOW = {
+    "human_weight": 0.4,
+    "confidence": 0.6,
+    "human_left": 3.0,
+    "human_right": 2.0,
+    "autonomous_left": 2.0,
+    "autonomous_right": 3.0,
+    "shared_left": 2.5,
+    "shared_right": 2.5,
+    "x": 0.5,
+    "y": 0.1,
+    "yaw": 0.2,
+    "clearance": 0.4,
+    "stick_forward": 0.5,
+    "stick_left": -0.2,
+}
+
+
+class Stage:
+    """A server without a simulation, on which the test sets what the page shows."""
+
+    def __init__(self, server: CockpitServer, scenario, result, until):
+        self._server = server
+        self.driver_lock = server.driver_lock
+        self.until = until
+        self._result = result
+        self.address = server.address
+        mouse = MouseInput(robot=scenario.robot, source=server.driver_lock)
+        server.publish("scene", describe_scene(scenario, mouse, load_learner("two_obstacles")))
+        self.set_phase("ready")
+
+    def set_phase(self, phase: str):
+        result = self._result if phase == "finished" else None
+        self._server.publish("trial", {"phase": phase, "number": 0, "mode": "shared", "result": result})
+
+    def set_now(self, reason: str, **changes):
+        look = Surroundings(open_routes=2, distance=0.1)
+        self._server.publish("now", describe_now(NOW | changes, 3.0, reason=reason, surroundings=look))
+
+
+@pytest.fixture(scope="module")
+def stage(human_trial, until):
+    meshcat = start_meshcat()
+    # axe-core blocks the page for seconds, in which it sends no heartbeat.
+    lock = DriverLock(lost_after=1e3)
+    with CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=lock, port=0) as server:
+        result = describe_result(human_trial, "two_obstacles_20260101-120000_001.parquet", None)
+        yield Stage(server, load_scenario("two_obstacles"), result, until)
+
+
+@pytest.fixture
+def page(browser_context, stage):
+    stage.set_phase("ready")
+    page = browser_context.new_page()
+    page.goto(stage.address)
+    page.wait_for_selector("#deck[data-phase=ready]")
+    page.evaluate("viewer.animate = () => {}; do_reconnect = false; viewer.connection.close()")
+    yield page
+    page.close()
+
+
+def inspect_tabs(page, inspector: Inspector, state: str):
+    for tab in page.query_selector_all("[role=tab]"):
+        if tab.is_visible():
+            tab.click()
+            inspector.inspect(f"{state}, {tab.get_attribute('id')}")
+
+
+def test_every_state_is_whole_at_every_size_and_accessible(page, stage):
+    inspector = Inspector(page)
+    inspector.inspect("introduction")
+    page.click("#intro-skip")
+    inspect_tabs(page, inspector, "ready")
+    stage.set_phase("finished")
+    page.wait_for_selector("#deck[data-phase=finished]")
+    inspect_tabs(page, inspector, "finished")
+    page.click("#drive")
+    page.wait_for_selector("body[data-driver-lock=yours]")
+    stage.set_phase("driving")
+    stage.set_now("contact", contact=1.0)
+    page.wait_for_selector("#why[data-reason=contact]")
+    inspector.inspect("driving", driving=True)
+    assert inspector.faults == [], "\n".join(inspector.faults)
+
+
+@pytest.mark.parametrize("watching", [False, True])
+def test_every_reason_has_a_sentence_for_driver_and_watcher(page, stage, watching):
+    if not watching:
+        page.click("#drive")
+        page.wait_for_selector("body[data-driver-lock=yours]")
+    said = set()
+    for reason in get_args(Reason):
+        # A new drive begins without the reason of the last one.
+        stage.set_phase("armed")
+        page.wait_for_selector("#deck[data-phase=armed]")
+        stage.set_phase("driving")
+        stage.set_now(reason)
+        page.wait_for_selector(f"#why[data-reason={reason}]")
+        text = page.inner_text("#why")
+        assert len(text) > 10
+        if watching:
+            assert not re.search(r"\b[Yy]ou", text)
+        said.add(text)
+    assert len(said) == len(get_args(Reason))
+
+
+def test_a_touch_stick_drives_and_springs_back(browser, stage):
+    lock = stage.driver_lock
+    stage.set_phase("ready")
+    context = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True)
+    page = context.new_page()
+    page.goto(stage.address)
+    page.wait_for_selector("#deck[data-phase=ready]")
+    page.tap("#drive")
+    page.wait_for_selector("body[data-driver-lock=yours]")
+    stage.set_phase("driving")
+    box = page.locator("#touch-stick").bounding_box()
+    middle = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+    touch = context.new_cdp_session(page)
+
+    def send(kind: str, *points: dict):
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": list(points)})
+
+    send("touchStart", middle)
+    send("touchMove", middle | {"y": middle["y"] - box["height"]})
+    stage.until(lambda: lock.latest().forward == 1.0, "the touch stick")
+    assert not lock.latest().braking
+    send("touchEnd")
+    stage.until(lambda: lock.latest().forward == 0.0 and lock.latest().braking, "the stick to spring back")
+    send("touchStart", middle)
+    stage.until(lambda: not lock.latest().braking, "the end of the stop")
+    send("touchEnd")
+    context.close()
+
+
+def test_the_keyboard_alone_suffices(browser_context, cockpit):
+    page = browser_context.new_page()
+    page.goto(cockpit.address)
+    page.wait_for_selector("#deck[data-phase=ready], #deck[data-phase=finished]")
+    reached = set()
+    page.evaluate("document.body.tabIndex = -1; document.body.focus()")
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("document.activeElement.id"))
+    controls = page.evaluate(
+        "[...document.querySelectorAll('button, input, select')]"
+        ".filter((control) => control.checkVisibility() && !control.disabled && control.tabIndex >= 0)"
+        ".map((control) => control.id)"
+    )
+    assert set(controls) - reached == set()
+    page.focus("#drive")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#deck[data-phase=armed]")
+    page.keyboard.down("ArrowUp")
+    assert cockpit.next_trial().status == "reached"
