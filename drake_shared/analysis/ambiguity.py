@@ -1,7 +1,9 @@
-"""Steps at which the demonstrations leave the operator's route ambiguous, and w at these steps.
+"""Steps at which the operator's route is not decided yet, and w at these steps.
 
 Fig. 4 of Amirshirzad et al. 2022 shows that the human weight rises where demonstrated paths run together and
-separate later. These functions quantify it.
+separate later. `ambiguity` finds such steps from the demonstrations, from which w comes as well, so that it
+checks an implementation. `undecided` finds them from the routes of the scenario and the obstacles that are
+still ahead, without the demonstrations, the learner or time.
 """
 
 from __future__ import annotations
@@ -16,12 +18,14 @@ from scipy.spatial import cKDTree
 from scipy.stats import rankdata
 
 from drake_shared.demonstrations import ProgressClock
+from drake_shared.scenario import Scenario
 from drake_shared.simulation.trial import Trial
 
 TOGETHER = 0.15
 """Paths run together within this distance, in [m]."""
 SEPARATE = 0.3
 """Paths are separate beyond this distance, in [m]."""
+_POINTS = 501
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,7 +89,41 @@ def ambiguity_ranking(parts: Sequence[Ambiguity]) -> float:
     1 if every ambiguous step has a higher w than every clear one, 0.5 if w is uninformative; NaN if there are
     no steps of one kind.
     """
-    high, low = _weights(parts)
+    return area_under_curve(*_weights(parts))
+
+
+def undecided(trial: Trial, scenario: Scenario) -> NDArray[np.bool_]:
+    """Whether the operator's route is still open at each applied step of ``trial``: shape (n,).
+
+    It is open where another route runs within 0.15 m of the robot and passes an obstacle that the operator's
+    own route has not passed on the other side. Every step is one or the other.
+
+    Args:
+        trial: A log with the route of the operator.
+        scenario: Its routes need not have been demonstrated.
+    """
+    own = scenario.route(trial.metadata["route"])
+    positions = trial.positions[:-1, :2]
+    curve = scenario.path_of(own)
+    path = curve.position(np.linspace(0.0, curve.length, _POINTS))
+    # The farthest point so far: an operator who swerves does not lose progress.
+    reached = np.maximum.accumulate(cKDTree(path).query(positions)[1])
+    open_ = np.zeros(len(positions), dtype=bool)
+    for route in scenario.routes:
+        other = scenario.path_of(route)
+        near = cKDTree(other.position(np.linspace(0.0, other.length, _POINTS))).query(positions)[0] < TOGETHER
+        for item in scenario.static_obstacles:
+            if route.sides.get(item.name) != own.sides.get(item.name):
+                ahead = reached < cKDTree(path).query([item.x, item.y])[1]
+                open_ |= near & ahead
+    return open_
+
+
+def area_under_curve(high: NDArray[np.float64], low: NDArray[np.float64]) -> float:
+    """Area under the ROC curve: the probability that a value of ``high`` is larger than one of ``low``.
+
+    Equal values count half; NaN if one of the samples is empty.
+    """
     if not (high.size and low.size):
         return math.nan
     ranks = rankdata(np.concatenate([high, low]))[: high.size]

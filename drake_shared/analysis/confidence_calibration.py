@@ -1,21 +1,28 @@
-"""Calibration of an agent's confidence: how often it expects the operator's route, by its confidence."""
+"""Calibration of an agent's confidence: how often it expects the operator's route, by its confidence.
+
+c_f = min(1, 1 / (K var)) is a measure of certainty and no probability. The calibration error reads it as one;
+the ranking does not.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import itertools
+import math
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from drake_shared.common.errors import InputError
-from drake_shared.demonstrations import ProgressClock
+from drake_shared.analysis.ambiguity import area_under_curve
 from drake_shared.learners import Learner
-from drake_shared.scenario import Scenario
+from drake_shared.scenario import Scenario, scenario_from_dict
 from drake_shared.scenario.paths import passing_side
 from drake_shared.simulation.trial import Trial
+from drake_shared.systems.intention import Intention
+from drake_shared.systems.intention_estimator import IntentionEstimator
 
 # A predicted path is on the operator's route if its root mean squared distance to it is less, in [m].
 _SAME_ROUTE = 0.15
@@ -45,43 +52,85 @@ def demonstrations_of_routes(scenario: Scenario, learner: Learner) -> dict[str, 
     return found
 
 
-def assess_confidence(learner: Learner, trial: Trial, route: int, *, every: int = 1) -> ConfidenceSteps:
-    """Compares the path predicted at each step of ``trial`` with the route that the operator intended.
+def intended_path(scenario: Scenario, learner: Learner, route: str) -> NDArray[np.float64]:
+    """The path (n, 2), in [m], that an operator on a route follows, to judge predictions by.
 
-    The prediction is conditioned on the position alone. It is correct if its root mean squared distance to
-    the demonstration of the route, at any time, is less than 0.15 m.
+    It is the demonstration of the route, or, if the learner was shown none, the curve of the route itself.
+    """
+    taught = demonstrations_of_routes(scenario, learner)
+    if route in taught and learner.demonstrations is not None:
+        demonstration: NDArray[np.float64] = learner.demonstrations[taught[route]]
+        return demonstration
+    curve = scenario.path_of(scenario.route(route))
+    return curve.position(np.linspace(0.0, curve.length, 501))
+
+
+def assess_confidence(
+    learner: Learner, trial: Trial, intended: NDArray[np.float64], *, every: int = 1
+) -> ConfidenceSteps:
+    """Compares the path that the agent predicted at each step of ``trial`` with the one that was meant.
+
+    The prediction is the one in use, to which the logged confidence belongs; see `predictions`. It is correct
+    if its root mean squared distance to the intended path, at any time, is less than 0.15 m.
 
     Args:
-        learner: The learner that took part, with its demonstrations.
+        learner: The learner that took part.
         trial: The log.
-        route: Index of the demonstration of the intended route.
+        intended: Path that the operator meant, shape (n, D), in [m]; see `intended_path`.
         every: Distance between the assessed steps.
-
-    Raises:
-        InputError: The learner does not hold its demonstrations.
     """
-    demonstrations = learner.demonstrations
-    if demonstrations is None:
-        raise InputError("learner", "demonstrations", "must be known to assess its confidence")
-    grid = np.asarray(learner.grid)
-    clock = ProgressClock(grid, demonstrations) if learner.metadata.get("clock") == "progress" else None
-    intended = cKDTree(demonstrations[route])
-    now, correct = 0.0, []
-    for row, position in enumerate(trial.positions[:-1]):
-        now = min(trial["t"][row], grid[-1]) if clock is None else clock.advance(now, *position)
-        if row % every:
-            continue
-        first = min(int(grid.searchsorted(now + 1e-9, side="right")), len(grid) - 1)
-        mean, _ = learner.predict(np.array([now]), position[None], grid[first:])
-        correct.append(np.sqrt(np.mean(intended.query(mean)[0] ** 2)) < _SAME_ROUTE)
+    path = cKDTree(intended)
+    correct = []
+    for intention, _ in itertools.islice(predictions(learner, trial), 0, None, every):
+        predicted = intention.mean[intention.first :]
+        # Without a pose nothing is predicted.
+        known = bool(np.isfinite(predicted).all())
+        correct.append(known and math.sqrt(np.mean(path.query(predicted)[0] ** 2)) < _SAME_ROUTE)
     return ConfidenceSteps(confidence=trial["confidence"][:-1][::every], correct=np.array(correct))
+
+
+def predictions(learner: Learner, trial: Trial) -> Iterator[tuple[Intention, float]]:
+    """Intention and c_f at each applied step of ``trial``, as an `IntentionEstimator` gives them.
+
+    It receives the logged poses and commands of the human, as the faults of the trial let them arrive.
+    """
+    robot = scenario_from_dict(trial.metadata["scenario"]).robot
+    estimator = IntentionEstimator(learner=learner, robot=robot, period=float(trial["t"][1] - trial["t"][0]))
+    context = estimator.CreateDefaultContext()
+    estimator.SetLearner(
+        context,
+        learner,
+        confidence_gain=trial.metadata.get("confidence_gain"),
+        use_human_command=trial.metadata.get("mode") != "agent",
+    )
+    poses = _logged(trial, robot.configuration_names, "seen_", "")
+    commands = _logged(trial, robot.command_names, "received_", "human_")
+    for time, pose, command in zip(trial["t"][:-1], poses, commands, strict=False):
+        context.SetTime(time)
+        estimator.get_pose_input_port().FixValue(context, pose)
+        estimator.get_human_command_input_port().FixValue(context, command)
+        yield (
+            estimator.get_intention_output_port().Eval(context),
+            estimator.get_confidence_output_port().Eval(context)[0],
+        )
+        estimator.CalcForcedDiscreteVariableUpdate(context, context.get_mutable_discrete_state())
+
+
+def _logged(trial: Trial, names: Sequence[str], seen: str, usual: str) -> NDArray[np.float64]:
+    """Columns as the estimator saw them, which differ from the others where faults were injected."""
+    columns = [seen + name if seen + name in trial.columns else usual + name for name in names]
+    return np.stack([trial[column] for column in columns], axis=1)
 
 
 def confidence_calibration(parts: Sequence[ConfidenceSteps], *, bins: int = 10) -> dict[str, Any]:
     """Expected calibration error of c_f over all steps, and the share of confident wrong predictions.
 
     Returns:
-        expected_calibration_error: Mean over steps of |c_f - share correct|, in ``bins`` equal bins of c_f.
+        expected_calibration_error: Mean over steps of |c_f - share correct|, in ``bins`` bins of c_f of equal
+            width; it depends on them.
+        brier_score: Mean over steps of (c_f - correct)^2, which needs no bins.
+        confidence_ranking: Area under the ROC curve: how well c_f ranks correct above wrong predictions,
+            whatever its scale; NaN if there are none of one kind.
         confident_and_wrong: Share of steps with c_f > 0.8 and a wrong prediction.
         bins: For each bin with steps: mean c_f, share correct ("right"), and number of steps.
     """
@@ -99,6 +148,8 @@ def confidence_calibration(parts: Sequence[ConfidenceSteps], *, bins: int = 10) 
     error = sum(row["steps"] * abs(row["confidence"] - row["right"]) for row in table) / len(confidence)
     return {
         "expected_calibration_error": error,
+        "brier_score": float(np.mean((confidence - correct) ** 2)),
+        "confidence_ranking": area_under_curve(confidence[correct], confidence[~correct]),
         "confident_and_wrong": float(((confidence > 0.8) & ~correct).mean()),
         "bins": table,
     }

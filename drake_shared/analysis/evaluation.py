@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 from drake_shared.common.arrays import path_at
 from drake_shared.common.errors import InputError
@@ -90,7 +90,11 @@ def evaluate(found: PredictionErrors) -> dict[str, Any]:
         nll: Mean of -log p(position), in nats; the density is per m^D.
         ade, fde: Mean distance of mean and true position, over all points and at the last one, in [m].
         crps: Continuous ranked probability score, mean over axes, in [m] (Gneiting and Raftery 2007).
-        coverage50, coverage90, coverage95: Share of true positions inside the central interval, per axis.
+        coverage50, coverage90, coverage95: Share of the coordinates of true positions inside the central
+            interval.
+        coverage90_of_points, ...: Share of true positions inside the ellipse that should hold that share.
+        coverage90_of_paths, ...: Share of observations after which all later positions are inside their
+            ellipses; no intervals of single points hold whole paths that often.
         reliability: The share inside at each of 19 levels.
         scale: The factor on standard deviations that maximises the likelihood of the errors.
         by_time_to_end: The same for each fifth of the task, the nearest to the end first.
@@ -125,10 +129,16 @@ def _scores(found: PredictionErrors, chosen: NDArray[np.bool_]) -> dict[str, flo
     last = np.append(np.diff(case) != 0, True)
     crps = sigma * (z * (2 * norm.cdf(z) - 1) + 2 * norm.pdf(z) - 1 / math.sqrt(math.pi))
     nll = (0.5 * z**2 + np.log(sigma) + 0.5 * math.log(2 * math.pi)).sum(axis=1)
-    covered = {
-        f"coverage{round(100 * level)}": float((np.abs(z) < norm.ppf(0.5 + level / 2)).mean())
-        for level in COVERAGES
-    }
+    outside = (z**2).sum(axis=1)
+    covered = {}
+    for level in COVERAGES:
+        name = f"coverage{round(100 * level)}"
+        inside = outside < chi2.ppf(level, z.shape[1])
+        # Points of one case follow each other.
+        whole = np.minimum.reduceat(inside, np.flatnonzero(np.append(True, np.diff(case) != 0)))
+        covered[name] = float((np.abs(z) < norm.ppf(0.5 + level / 2)).mean())
+        covered[f"{name}_of_points"] = float(inside.mean())
+        covered[f"{name}_of_paths"] = float(whole.mean())
     return {
         "nll": float(nll.mean()),
         "ade": float(distance.mean()),

@@ -6,6 +6,8 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from drake_shared.cli.common import open_learner, print_json
 from drake_shared.cli.options import LearnerOptions
 from drake_shared.common.console import say
@@ -80,30 +82,49 @@ class Evaluate(LearnerOptions):
             _print(result)
 
     def _assess(self, scenario: Scenario, learner: Learner) -> dict[str, Any]:
-        from drake_shared.analysis.ambiguity import ambiguity, ambiguity_ranking, mean_weights
+        """Judges the confidence on demonstrated routes, and apart from them on the others."""
+        from drake_shared.analysis.ambiguity import (
+            ambiguity,
+            ambiguity_ranking,
+            area_under_curve,
+            mean_weights,
+            undecided,
+        )
         from drake_shared.analysis.confidence_calibration import (
             assess_confidence,
             confidence_calibration,
             demonstrations_of_routes,
+            intended_path,
         )
         from drake_shared.simulation.trial import Simulation, TrialSettings
 
         simulation = Simulation(scenario, learner=learner, config=self.control)
-        shown = demonstrations_of_routes(scenario, learner)
-        parts, ambiguities = [], []
+        taught = demonstrations_of_routes(scenario, learner)
+        parts: dict[bool, list[Any]] = {True: [], False: []}
+        ambiguities, clocks, weights, times, open_steps = [], [], [], [], []
         for index in range(self.trials):
-            route = scenario.routes[index % len(scenario.routes)]
-            if route.name not in shown:
-                continue
-            trial = simulation.run(TrialSettings(route=route.name, seed=self.seed + index))
-            parts.append(assess_confidence(learner, trial, shown[route.name]))
-            if learner.demonstrations is not None and len(learner.demonstrations) > 1:
-                ambiguities.append(ambiguity(trial, learner.grid, learner.demonstrations))
-        if not parts:
-            raise InputError("evaluate", "trials", "need a route of the scenario that was demonstrated")
-        judged = confidence_calibration(parts)
+            route = scenario.routes[index % len(scenario.routes)].name
+            trial = simulation.run(TrialSettings(route=route, seed=self.seed + index))
+            intended = intended_path(scenario, learner, route)
+            parts[route in taught].append(assess_confidence(learner, trial, intended))
+            weights.append(trial["human_weight"][:-1])
+            times.append(trial["t"][:-1])
+            open_steps.append(undecided(trial, scenario))
+            if route in taught and learner.demonstrations is not None and len(learner.demonstrations) > 1:
+                found = ambiguity(trial, learner.grid, learner.demonstrations)
+                ambiguities.append(found)
+                clocks.append(dataclasses.replace(found, human_weight=-trial["t"][:-1]))
+        judged: dict[str, Any] = confidence_calibration(parts[True]) if parts[True] else {}
         if ambiguities:
-            judged |= {**mean_weights(ambiguities), "ambiguity_ranking": ambiguity_ranking(ambiguities)}
+            judged |= mean_weights(ambiguities)
+            judged["ambiguity_ranking"] = ambiguity_ranking(ambiguities)
+            judged["ambiguity_ranking_of_time"] = ambiguity_ranking(clocks)
+        still_open = np.concatenate(open_steps)
+        for name, values in (("decision_ranking", weights), ("decision_ranking_of_time", times)):
+            scores = np.concatenate(values) * (-1.0 if values is times else 1.0)
+            judged[name] = area_under_curve(scores[still_open], scores[~still_open])
+        judged["taught_routes"] = sorted(taught)
+        judged["untaught"] = confidence_calibration(parts[False]) if parts[False] else None
         return judged
 
 
@@ -111,7 +132,8 @@ def _print(result: dict[str, Any]) -> None:
     if (end := result["loss_threshold"]) is not None:
         reached = "reached" if end["reached"] else "not reached, training stopped early"
         print(f"  loss in training {end['loss']:.2f}, threshold {end['threshold']:g}: {reached}")
-    names = ("nll", "ade", "fde", "crps", "coverage50", "coverage90", "coverage95", "scale")
+    names = ["nll", "ade", "fde", "crps", "scale"]
+    names += [name for name in result if name.startswith("coverage")]
     for name in names:
         print(f"  {name:28s} {result[name]:9.4g}")
     for part in result["by_time_to_end"]:
@@ -119,7 +141,15 @@ def _print(result: dict[str, Any]) -> None:
         print(f"  {part['from']:.1f} to {part['to']:.1f} s to the end: {measures}")
     if "confidence" in result:
         judged = result["confidence"]
-        print("  over shared trials of a simulated operator:")
-        for name, value in judged.items():
-            if name != "bins":
-                print(f"  {name:28s} {value:9.4g}")
+        taught = ", ".join(judged["taught_routes"]) or "none"
+        print(f"  over shared trials of a simulated operator, on routes that were taught ({taught}):")
+        _print_calibration(judged)
+        if judged["untaught"] is not None:
+            print("  on routes that were not taught:")
+            _print_calibration(judged["untaught"])
+
+
+def _print_calibration(judged: dict[str, Any]) -> None:
+    for name, value in judged.items():
+        if isinstance(value, float):
+            print(f"  {name:28s} {value:9.4g}")

@@ -22,7 +22,9 @@ from drake_shared.analysis.ambiguity import (
     Ambiguity,
     ambiguity,
     ambiguity_ranking,
+    area_under_curve,
     mean_weights,
+    undecided,
 )
 from drake_shared.analysis.replay import write_replay
 from drake_shared.analysis.statistics import Claim, interval, judge, larger
@@ -116,11 +118,23 @@ def run_learners(scenario: str | None, preset: str, learners: list[int], trials:
                 **mean_weights(parts),
                 "area": ambiguity_ranking(parts),
                 "clock_area": ambiguity_ranking(clocks),
+                **_decision_areas(scenario, driven),
                 "ignores": ignores_observations(learner),
                 "stopped_early": stopped_early(learner),
             }
         )
     return {"rows": rows, "by_learner": by_learner, "shown": shown}
+
+
+def _decision_areas(scenario: str | None, driven: Sequence[Trial]) -> dict[str, float]:
+    """How well w, and the remaining time, tell steps in which the route is still open from the others."""
+    still_open = np.concatenate([undecided(trial, scenario_of(scenario)) for trial in driven])
+    weight = np.concatenate([trial["human_weight"][:-1] for trial in driven])
+    remaining = -np.concatenate([trial["t"][:-1] for trial in driven])
+    return {
+        "decision_area": area_under_curve(weight[still_open], weight[~still_open]),
+        "decision_clock_area": area_under_curve(remaining[still_open], remaining[~still_open]),
+    }
 
 
 def count_clear_before_ambiguous(part: Ambiguity) -> int:
@@ -220,7 +234,8 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
 
 
 def _column(learners: Rows, preset: str, name: str) -> NDArray[np.float64]:
-    return np.array([row[name] for row in select(learners, preset=preset)], dtype=float)
+    # The results of earlier versions do not have all columns.
+    return np.array([row.get(name, np.nan) for row in select(learners, preset=preset)], dtype=float)
 
 
 def claims(learners: Rows) -> list[Claim]:
@@ -233,6 +248,11 @@ def claims(learners: Rows) -> list[Claim]:
         (
             "w indicates ambiguity better than the remaining time does: areas under the ROC curve",
             ("area", "clock_area", _SMALLEST_AREA),
+        ),
+        (
+            "w indicates that obstacles and routes leave the operator's route open, better than the "
+            "remaining time does: areas under the ROC curve",
+            ("decision_area", "decision_clock_area", _SMALLEST_AREA),
         ),
     )
     higher = [
@@ -268,6 +288,8 @@ def _table(rows: Rows, learners: Rows) -> Table:
         "weight_where_clear": "w where clear",
         "area": "area of w",
         "clock_area": "area of the remaining time",
+        "decision_area": "route open: area of w",
+        "decision_clock_area": "route open: area of the remaining time",
     }
     lines = []
     for preset in PRESETS:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from drake_shared.analysis.confidence_calibration import (
     assess_confidence,
     confidence_calibration,
-    demonstrations_of_routes,
+    intended_path,
 )
 from drake_shared.analysis.metrics import metrics
 from drake_shared.analysis.statistics import (
@@ -208,19 +208,17 @@ def _summary(
     scenario: str | None, learner: Any, data: Sequence[Demonstration], trials: Iterable[Trial]
 ) -> dict[str, Any]:
     """Means over the trials, the calibration over all their steps, and properties of the data."""
-    routes = demonstrations_of_routes(scenario_of(scenario), learner)
     found: list[Mapping[str, Any]] = []
     parts = []
     for trial in trials:
         found.append(metrics(trial))
-        route = trial.metadata["route"]
-        if route in routes:
-            parts.append(assess_confidence(learner, trial, routes[route], every=_EVERY))
-    calibration: Mapping[str, Any] = confidence_calibration(parts) if parts else {}
+        intended = intended_path(scenario_of(scenario), learner, trial.metadata["route"])
+        parts.append(assess_confidence(learner, trial, intended, every=_EVERY))
+    calibration = confidence_calibration(parts)
     return {
         **{one.name: float(np.mean([row[one.name] for row in found])) for one in _TRIAL_MEASURES},
-        "expected_calibration_error": calibration.get("expected_calibration_error", float("nan")),
-        "confident_and_wrong": calibration.get("confident_and_wrong", float("nan")),
+        "expected_calibration_error": calibration["expected_calibration_error"],
+        "confident_and_wrong": calibration["confident_and_wrong"],
         "autonomy_share": float(np.mean([1.0 - item.provenance["human_weight"] for item in data])),
         "demonstrations": len(data),
         "confidence_gain": learner.confidence_gain,

@@ -1,11 +1,19 @@
 """Ambiguous and clear steps on simple paths."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
-from drake_shared.analysis.ambiguity import Ambiguity, ambiguity, ambiguity_ranking, mean_weights
+from drake_shared.analysis.ambiguity import (
+    Ambiguity,
+    ambiguity,
+    ambiguity_ranking,
+    area_under_curve,
+    mean_weights,
+    undecided,
+)
 from drake_shared.robots import DiffDrive
 from drake_shared.robots.description import describe_robot
 from drake_shared.simulation.trial import Trial
@@ -93,3 +101,30 @@ def test_without_steps_of_one_kind_ranking_and_mean_are_nan():
     assert math.isnan(ambiguity_ranking(parts))
     assert math.isnan(mean_weights(parts)["weight_where_clear"])
     assert mean_weights(parts)["weight_where_ambiguous"] == 0.9
+
+
+def test_a_route_is_open_while_another_one_is_near_and_differs_at_an_obstacle_ahead(scenario):
+    # left_right and left_left run together until they pass the second obstacle on different sides.
+    found = {}
+    for route in scenario.routes:
+        curve = scenario.path_of(route)
+        trial = driven(curve.position(np.linspace(0.0, curve.length, 401)))
+        trial.metadata["route"] = route.name
+        found[route.name] = undecided(trial, scenario)
+        assert found[route.name][0]
+        assert not found[route.name][-1]
+    x = scenario.path_of(scenario.route("left_right")).position(np.linspace(0.0, 5.0, 401))[:, 0]
+    first = scenario.static_obstacles[0].x
+    beside = int(np.argmin(np.abs(x - first)))
+    assert found["left_right"][beside]
+    assert not found["right_left"][beside]
+    # A route that passes all obstacles alike does not count.
+    own = scenario.route("left_right")
+    scenario.routes = [own, dataclasses.replace(own, name="x")]
+    trial.metadata["route"] = "x"
+    assert not undecided(trial, scenario).any()
+
+
+def test_the_area_under_the_curve_counts_pairs():
+    assert area_under_curve(np.array([2.0, 3.0]), np.array([1.0, 2.0])) == 3.5 / 4.0
+    assert math.isnan(area_under_curve(np.array([]), np.array([1.0])))

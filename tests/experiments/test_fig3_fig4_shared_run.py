@@ -58,9 +58,11 @@ def test_verdicts_follow_from_the_rows():
             "weight_where_clear": clear + 0.001 * index,
             "area": area - 0.001 * index,
             "clock_area": 0.8,
+            "decision_area": area - 0.001 * index,
+            "decision_clock_area": 0.8,
         }
         for preset, clear, area in (("paper", 0.88, 0.5), ("default", 0.1, 1.0))
         for index in range(6)
     ]
     verdicts = [claim.verdict for claim in shared_run.claims(learners)]
-    assert verdicts == ["equivalent", "holds", "reversed", "holds", "equivalent", "holds"]
+    assert verdicts == ["equivalent", "holds", *["reversed", "holds"] * 2, "equivalent", "holds"]
