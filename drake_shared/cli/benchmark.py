@@ -20,7 +20,8 @@ class Benchmark(Command):
     out: Path | None = None
     """Folder for benchmark.json and benchmark.png; default: the results are only printed."""
     only: tuple[str, ...] = ()
-    """Which groups: predict, trial, training, batch, lockstep, growth, safety; default: all."""
+    """Which groups: predict, trial, training, batch, lockstep, many, growth, safety;
+    default: all."""
     quick: bool = False
     """Rough results within a minute or two instead of half an hour."""
     repeats: int | None = None

@@ -99,7 +99,14 @@ class Simulation:
             meshcat=meshcat,
             show_intention=show_intention,
         )
-        self.config = self.parts.config
+        self.config = config = self.parts.config
+        # What the metadata of all trials state of it.
+        self._config_as_data = config.to_json()
+        self._optional_data: dict[str, Any] = {}
+        if config.safety_clearance is not None:
+            self._optional_data["safety_clearance"] = config.safety_clearance
+        if config.faults:
+            self._optional_data["faults"] = config.faults.to_json()
         check_operator_inputs(builder, self.parts.operator)
         self.diagram = builder.Build()
         self.diagram.set_name("shared_control")
@@ -147,7 +154,7 @@ class Simulation:
             "learner_file": None if learner is None else learner.metadata.get("file"),
             "preset": None if learner is None else learner.preset,
             "operator": type(operator).__name__,
-            "config": config.to_json(),
+            "config": self._config_as_data,
             "mode": self.driver_of(settings, learner),
             "arbitration": self.parts.arbitration,
             "route": settings.route,
@@ -156,11 +163,8 @@ class Simulation:
             "end": config.end,
             "confidence_gain": gain,
             "look_ahead": config.look_ahead,
+            **self._optional_data,
         }
-        if config.safety_clearance is not None:
-            described["safety_clearance"] = config.safety_clearance
-        if config.faults:
-            described["faults"] = config.faults.to_json()
         if isinstance(operator, SurrogateOperator):
             described["behaviour"] = dataclasses.asdict(settings.behaviour)
         if isinstance(operator, RecordedInput) and settings.recording is not None:

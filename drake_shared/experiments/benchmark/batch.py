@@ -61,17 +61,17 @@ def run(setup: Setup) -> GroupResult:
     )
 
 
-def trials_per_second(model: str, count: int, workers: int) -> tuple[float, float]:
+def trials_per_second(model: str, count: int, workers: int, *, engine: str = "drake") -> tuple[float, float]:
     """The rate without the start of the processes, and that of the whole batch."""
-    start = _wall_seconds(model, workers, workers)
-    whole = _wall_seconds(model, count, workers)
+    start = _wall_seconds(model, workers, workers, engine)
+    whole = _wall_seconds(model, count, workers, engine)
     # On a busy machine a start may take longer than a short batch.
     return (count - workers) / max(whole - start, 0.1 * whole), count / whole
 
 
-def _wall_seconds(model: str, count: int, workers: int) -> float:
+def _wall_seconds(model: str, count: int, workers: int, engine: str) -> float:
     start = time.perf_counter()
-    for _ in run_batch(Batch(model=model, count=count, engine="drake"), workers=workers):
+    for _ in run_batch(Batch(model=model, count=count, engine=engine), workers=workers):
         pass
     return time.perf_counter() - start
 

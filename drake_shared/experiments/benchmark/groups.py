@@ -22,6 +22,7 @@ GROUPS = {
     "training": "training",
     "batch": "batch",
     "lockstep": "lockstep",
+    "many": "many_trials",
     "growth": "growth",
     "safety": "safety_filter",
 }
