@@ -20,6 +20,7 @@ from drake_shared.analysis.log_folder import (
     write_log_of_batch,
 )
 from drake_shared.common.errors import InputError
+from drake_shared.common.memory import available_memory
 from drake_shared.learners import load_learner
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.named import changes_of_route
@@ -34,6 +35,9 @@ from drake_shared.systems.recorded_input import RecordedInput
 
 MOST_PER_LOG = BLOCK
 """Most trials in one log."""
+
+# Of a process that has loaded Drake, and of the metrics of a trial, in bytes.
+_PROCESS_MEMORY, _ROW_MEMORY = 300_000_000, 5_000
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -116,9 +120,9 @@ def run_batch(
         inform: Receives a line about the engine that runs the trials, and why.
 
     Raises:
-        InputError: A file cannot be read, or the folder for logs cannot be written to, holds logs of trials
-            and neither option is set, or holds logs of another configuration; or the lock-step engine is
-            required and cannot run the trials.
+        InputError: There is too little memory for trials in lock-step; a file cannot be read, or the folder for
+            logs cannot be written to, holds logs of trials and neither option is set, or holds logs of
+            another configuration; or the lock-step engine is required and cannot run the trials.
         RunError: A log cannot be written, or a worker process died; the logs before it are kept.
     """
     if workers < 1:
@@ -129,6 +133,8 @@ def run_batch(
     reason = _trials(canonical(given)).reason_for_drake
     if inform is not None:
         inform("engine: lock-step" if reason is None else f"engine: Drake, since {reason}")
+    if reason is None:
+        _check_memory(_trials(canonical(given)).memory() + _ROW_MEMORY * batch.count, workers)
     store = None
     if batch.out is not None:
         store = _open_store(batch, batch.out, resume=resume, force=force)
@@ -146,6 +152,17 @@ def run_batch(
 def run_trials(batch: dict[str, Any], indices: list[int]) -> list[dict[str, Any]]:
     """Runs trials of a batch, given as `Batch.to_json`, writes required logs, and returns rows."""
     return _trials(canonical(batch)).run(indices)
+
+
+def _check_memory(needed: int, workers: int) -> None:
+    """Refuses trials in lock-step that the memory would not hold, before any is run."""
+    if workers > 1:
+        needed = workers * (needed + _PROCESS_MEMORY)
+    available = available_memory()
+    if available is not None and needed > available:
+        option = "fewer --workers" if workers > 1 else "--engine drake"
+        expected = f"need about {needed / 1e6:,.0f} MB of memory, of which {available / 1e6:,.0f} MB are free"
+        raise InputError("simulate", "trials", f"{expected}; use {option}")
 
 
 def _blocks(batch: Batch, missing: list[int], workers: int, *, in_lockstep: bool) -> list[list[int]]:
@@ -210,6 +227,10 @@ class _Trials:
         self._simulation = Simulation(scenario, learner=learner, operator=operator, config=batch.config)
         self.reason_for_drake = reason_for_drake(self._simulation, batch.engine)
         """Why the trials run in Drake; None if they run in lock-step."""
+
+    def memory(self) -> int:
+        """Memory that the trials take in lock-step, in bytes."""
+        return Lockstep(self._simulation).memory(self._batch.count)
 
     def check(self) -> None:
         """Raises the InputError that the first trial would raise."""

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from drake_shared.analysis.batch import Batch, run_batch
 from drake_shared.analysis.metrics import metrics, metrics_of
 from drake_shared.cli.main import main
 from drake_shared.common.errors import InputError
+from drake_shared.common.memory import available_memory
 from drake_shared.demonstrations import read_demonstrations
 from drake_shared.simulation.log import read_log, read_logs, write_logs
 
@@ -158,3 +160,20 @@ def test_a_log_of_no_trials_and_too_many_in_one_are_refused(tmp_path):
     assert caught.value.field == "trials_per_log"
     with pytest.raises(InputError):
         write_logs({}, tmp_path / "none.parquet")
+
+
+def test_too_little_memory_is_said_before_any_trial_is_run(monkeypatch, tmp_path, capsys):
+    out = tmp_path / "logs"
+    monkeypatch.setattr("drake_shared.analysis.batch.available_memory", lambda: 1_000_000)
+    assert main(["simulate", "--trials", "1000", "--engine", "lockstep", "--out", str(out)]) == 2
+    assert "MB" in capsys.readouterr().err
+    assert not out.exists()
+    with pytest.raises(InputError) as caught:
+        run_batch(Batch(model=MODEL, count=1_000), workers=2)
+    assert caught.value.field == "trials"
+    list(run_batch(Batch(model=MODEL, count=1, engine="drake")))
+
+
+def test_available_memory_is_below_that_of_the_machine():
+    available = available_memory()
+    assert available is None or 0 < available < os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

@@ -30,6 +30,9 @@ State = dict[str, Any]
 
 BLOCK = 512
 """Trials that are run together: more would need more memory and take as long."""
+# Of each trial: its columns in the log of the block, in its own log and in the file that is written, and the
+# random numbers and metrics of each step.
+_COPIES, _FURTHER = 2, 20
 ENGINE = "lockstep"
 """The entry ``engine`` in the metadata of a trial of this engine."""
 
@@ -51,6 +54,11 @@ class Lockstep:
         self._simulation = simulation
         self._plants = Plants(simulation.scenario)
         self._columns = simulation.parts.columns
+
+    def memory(self, count: int) -> int:
+        """About the most memory that `run` takes for ``count`` trials, in bytes, without the diagram."""
+        rows = min(count, BLOCK) * (self._simulation.scenario.steps + 1)
+        return 8 * rows * (_COPIES * len(self._columns) + _FURTHER)
 
     def run(
         self, settings: Sequence[TrialSettings], *, learners: Sequence[Learner | None] | None = None
