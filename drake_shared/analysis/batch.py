@@ -120,8 +120,8 @@ def run_batch(
         inform: Receives a line about the engine that runs the trials, and why.
 
     Raises:
-        InputError: There is too little memory for trials in lock-step; a file cannot be read, or the folder for
-            logs cannot be written to, holds logs of trials and neither option is set, or holds logs of
+        InputError: There is too little memory for trials in lock-step; a file cannot be read, or the folder
+            for logs cannot be written to, holds logs of trials and neither option is set, or holds logs of
             another configuration; or the lock-step engine is required and cannot run the trials.
         RunError: A log cannot be written, or a worker process died; the logs before it are kept.
     """

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
+from typing import Unpack
+
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_shared.common.errors import InputError
-from drake_shared.learners import Learner
-from drake_shared.robots import Robot
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig, config_for
 from drake_shared.simulation.shared_control import SharedControl
-from drake_shared.simulation.wiring import Wiring
+from drake_shared.simulation.wiring import Systems, Wiring
 from drake_shared.systems.operators import check_operator_inputs
-from drake_shared.systems.surrogate_operator import SurrogateOperator
 
 
 def AddSharedControl(
@@ -21,45 +19,26 @@ def AddSharedControl(
     *,
     scenario: Scenario,
     config: SharedControlConfig | None = None,
-    learner: Learner | None = None,
-    operator: LeafSystem | None = None,
-    arbiter: LeafSystem | None = None,
-    controller: LeafSystem | None = None,
-    plant: LeafSystem | None = None,
-    robot: Robot | None = None,
-    meshcat: Meshcat | None = None,
-    show_intention: bool = True,
     prefix: str = "",
+    **systems: Unpack[Systems],
 ) -> SharedControl:
     """Adds the whole loop to ``builder``; the arguments are those of :func:`MakeSharedControlDiagram`."""
+    if unknown := sorted(set(systems) - set(Systems.__annotations__)):
+        raise TypeError(f"AddSharedControl has no argument {unknown[0]!r}")
+    learner = systems.get("learner")
     config = config or config_for(None if learner is None else learner.preset)
     config.faults.check_duration(scenario.duration)
     if builder.HasSubsystemNamed(f"{prefix}operator"):
         raise InputError("prefix", "", "must differ from that of the other loop in the builder", repr(prefix))
-    return Wiring(builder, scenario, config, scenario.robot if robot is None else robot, prefix).wire(
-        learner=learner,
-        operator=operator or SurrogateOperator(scenario=scenario),
-        arbiter=arbiter,
-        controller=controller,
-        plant=plant,
-        meshcat=meshcat,
-        show_intention=show_intention,
-    )
+    return Wiring(builder, scenario, config, systems.get("robot") or scenario.robot, prefix).wire(systems)
 
 
 def MakeSharedControlDiagram(
     scenario: Scenario,
     *,
     config: SharedControlConfig | None = None,
-    learner: Learner | None = None,
-    operator: LeafSystem | None = None,
-    arbiter: LeafSystem | None = None,
-    controller: LeafSystem | None = None,
-    plant: LeafSystem | None = None,
-    robot: Robot | None = None,
-    meshcat: Meshcat | None = None,
-    show_intention: bool = True,
     prefix: str = "",
+    **systems: Unpack[Systems],
 ) -> Diagram:
     """Wires the shared-control loop for ``scenario``.
 
@@ -107,20 +86,7 @@ def MakeSharedControlDiagram(
             connects; the robot's SDF file cannot be used.
     """
     builder = DiagramBuilder()
-    parts = AddSharedControl(
-        builder,
-        scenario=scenario,
-        config=config,
-        learner=learner,
-        operator=operator,
-        arbiter=arbiter,
-        controller=controller,
-        plant=plant,
-        robot=robot,
-        meshcat=meshcat,
-        show_intention=show_intention,
-        prefix=prefix,
-    )
+    parts = AddSharedControl(builder, scenario=scenario, config=config, prefix=prefix, **systems)
     exported = {
         "pose": parts.plant,
         "human_command": parts.operator,

@@ -8,27 +8,27 @@ import hashlib
 import importlib.metadata
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common import RandomGenerator
-from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus, LeafSystem
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
 from pydrake.systems.primitives import VectorLog
 
 from drake_shared.common.threads import limit_blas
 from drake_shared.demonstrations import LOG_FORMAT
 from drake_shared.demonstrations.log_table import LOG_VERSION
 from drake_shared.learners import Learner
-from drake_shared.robots import Robot, describe_robot
+from drake_shared.robots import describe_robot
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.diagram import AddSharedControl
 from drake_shared.simulation.log import Trial, log_columns, read_log, write_log
 from drake_shared.simulation.settings import TrialSettings, settings_of_log
 from drake_shared.simulation.shared_control import SharedControl
+from drake_shared.simulation.wiring import Systems
 from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.operators import check_operator_inputs
 from drake_shared.systems.recorded_input import RecordedInput
@@ -67,38 +67,19 @@ class Simulation:
         self,
         scenario: Scenario,
         *,
-        learner: Learner | None = None,
         config: SharedControlConfig | None = None,
-        operator: LeafSystem | None = None,
-        arbiter: LeafSystem | None = None,
-        controller: LeafSystem | None = None,
-        plant: LeafSystem | None = None,
-        robot: Robot | None = None,
-        meshcat: Meshcat | None = None,
-        show_intention: bool = True,
+        **systems: Unpack[Systems],
     ) -> None:
         # A second thread makes matrix products this small up to twenty times slower, and changes bits.
         limit_blas()
         self.scenario = scenario
-        self.learner = learner
+        self.learner = systems.get("learner")
         # Part of the metadata of every trial.
         self.scenario_as_data = dataclasses.asdict(scenario)
-        self.robot = scenario.robot if robot is None else robot
-        self.robot_as_data = describe_robot(self.robot).to_json()
         builder = DiagramBuilder()
-        self.parts = AddSharedControl(
-            builder,
-            scenario=scenario,
-            config=config,
-            learner=learner,
-            operator=operator,
-            arbiter=arbiter,
-            controller=controller,
-            plant=plant,
-            robot=robot,
-            meshcat=meshcat,
-            show_intention=show_intention,
-        )
+        self.parts = AddSharedControl(builder, scenario=scenario, config=config, **systems)
+        self.robot = self.parts.robot
+        self.robot_as_data = describe_robot(self.robot).to_json()
         self.config = config = self.parts.config
         # What the metadata of all trials state of it.
         self._config_as_data = config.to_json()

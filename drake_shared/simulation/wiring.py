@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypedDict
 
 from pydrake.common import RandomDistribution
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Role, SceneGraph
@@ -45,6 +45,19 @@ _DISTRIBUTIONS = {"noise": RandomDistribution.kGaussian, "chance": RandomDistrib
 _PRESENT_OPERATORS = (SurrogateOperator, RecordedInput)
 
 
+class Systems(TypedDict, total=False):
+    """Parts of the loop that are given, or None; see `drake_shared.simulation.MakeSharedControlDiagram`."""
+
+    learner: Learner | None
+    operator: LeafSystem | None
+    arbiter: LeafSystem | None
+    controller: LeafSystem | None
+    plant: LeafSystem | None
+    robot: Robot | None
+    meshcat: Meshcat | None
+    show_intention: bool
+
+
 class Wiring:
     """Adds the systems of one loop, in an order on which the random numbers of a seed depend.
 
@@ -69,18 +82,10 @@ class Wiring:
         self._robot = robot
         self._period = scenario.control_period
 
-    def wire(
-        self,
-        *,
-        learner: Learner | None,
-        operator: LeafSystem,
-        arbiter: LeafSystem | None,
-        controller: LeafSystem | None,
-        plant: LeafSystem | None,
-        meshcat: Meshcat | None,
-        show_intention: bool,
-    ) -> SharedControl:
-        """Adds and connects everything; the arguments are those of MakeSharedControlDiagram."""
+    def wire(self, systems: Systems) -> SharedControl:
+        """Adds and connects everything."""
+        learner, meshcat = systems.get("learner"), systems.get("meshcat")
+        operator = systems.get("operator") or SurrogateOperator(scenario=self._scenario)
         scenario, config, robot, period = self._scenario, self._config, self._robot, self._period
         scene_graph = self._add("scene_graph", SceneGraph())
         register_obstacles(scene_graph, scenario.static_obstacles)
@@ -93,15 +98,15 @@ class Wiring:
             "intention_estimator",
             IntentionEstimator(learner=learner or NoLearner(scenario.duration), robot=robot, period=period),
         )
-        controller = self._add("waypoint_controller", self._controller(controller))
+        controller = self._add("waypoint_controller", self._controller(systems.get("controller")))
         present = isinstance(operator, _PRESENT_OPERATORS)
         driver = "human" if learner is None else config.driver
-        arbiter, arbitration = self._arbiter(arbiter, driver, idle_time=0.0 if present else math.inf)
-        self._add("confidence_blender" if isinstance(arbiter, ConfidenceBlender) else "arbiter", arbiter)
-        own_plant = plant is not None
-        plant = self._add(
-            "plant" if own_plant else "diff_drive_plant", self._plant(plant, scene_graph, meshcat)
+        arbiter, arbitration = self._arbiter(
+            systems.get("arbiter"), driver, idle_time=0.0 if present else math.inf
         )
+        self._add("confidence_blender" if isinstance(arbiter, ConfidenceBlender) else "arbiter", arbiter)
+        plant = self._plant(systems.get("plant"), scene_graph, meshcat)
+        self._add("diff_drive_plant" if systems.get("plant") is None else "plant", plant)
 
         ports = plant_ports(plant, robot)
         pose = ports.pose
@@ -171,7 +176,9 @@ class Wiring:
                 "autonomous_command": autonomous,
                 "shared_command": shared,
             }
-            self._add_visualizers(meshcat, scene_graph, plant, shown if show_intention else {})
+            self._add_visualizers(
+                meshcat, scene_graph, plant, shown if systems.get("show_intention", True) else {}
+            )
         return SharedControl(
             config=config,
             robot=robot,

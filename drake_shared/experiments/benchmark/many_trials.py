@@ -19,8 +19,8 @@ from drake_shared.learners import save_learner
 _METHOD = (
     "`drake-shared simulate --engine lockstep` of that many trials with metrics and logs, 500 trials in a "
     "log, in a process of its own: its CPU time, starting included, and the largest resident memory that "
-    "it ever had. Workers: wall time of trials without logs, with 1 and 2 processes in turns, beyond that of their "
-    "start; two can be no faster than the load of the machine allows."
+    "it ever had. Workers: wall time of trials without logs, with 1 and 2 processes in turns, beyond that "
+    "of their start; two can be no faster than the load of the machine allows."
 )
 
 
