@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from drake_shared.analysis.ambiguity import ambiguity, mean_weights
+from drake_shared.analysis.statistics import PERCENT
 from drake_shared.demonstrations import Demonstrations, sampling_weights
 from drake_shared.experiments.common import (
     TRIAL_COST,
@@ -47,14 +48,14 @@ _TRIAL_SEED = 915_000
 _GROUP, _TRIALS = 10, 6
 # The width is at least 1% of the demonstrations' extent; with scores in mm this has no effect.
 _MILLIMETRES = 1_000.0
-_FREE = Measure("free", "path free of obstacles", "% of learners", 100.0)
+_FREE = Measure("free", "path free of obstacles", "% of learners", 100.0, limits=PERCENT)
 MEASURES = (
     Measure("clearance", "clearance of the path", "m"),
     _FREE,
     Measure("to_best", "distance from the best demonstration", "m"),
-    Measure("weight_at_start", "w at the start"),
-    Measure("weight_where_ambiguous", "w where ambiguous"),
-    Measure("weight_where_clear", "w where clear"),
+    Measure("weight_at_start", "w at the start", limits=(0.0, 1.0)),
+    Measure("weight_where_ambiguous", "w where ambiguous", limits=(0.0, 1.0)),
+    Measure("weight_where_clear", "w where clear", limits=(0.0, 1.0)),
     INTENT_SUCCESS,
 )
 

@@ -29,7 +29,7 @@ def made_up(learners=6):
             "missed": (0.05 if iterations == 10 else 0.5) + 0.01 * rng.random(),
             "follow": 0.5,
             "toward_best": 0.1,
-            "weight_where_ambiguous": 0.8,
+            "weight_where_ambiguous": 0.8 + 0.01 * rng.random(),
             "weight_where_clear": 0.1,
             "steady": 1.0,
             "noisy": 0.75 + 0.01 * rng.random(),
