@@ -15,6 +15,12 @@ from drake_shared.learners.storage import learner_id, read_description
 
 SIMULATED_OPERATOR = "SurrogateOperator"
 """Operator named in the provenance of demonstrations by a simulated operator."""
+# A system from elsewhere may be either, so that its name is all that can be said.
+_OPERATORS = {
+    SIMULATED_OPERATOR: "simulated operator",
+    "MouseInput": "person",
+    "RecordedInput": "recorded commands",
+}
 KINDS = ("human", "shared", "agent", "unknown")
 _HUMAN_WEIGHTS = {"human": 1.0, "agent": 0.0}
 
@@ -164,14 +170,14 @@ def driver_of(source: dict[str, Any]) -> str:
     """Who drove a demonstration, from its provenance.
 
     Returns:
-        "simulated operator" or "person" (of an unknown operator "human") for one alone, the same with
-        "shared with" before it for shared control, "agent", or "unknown".
+        "simulated operator", "person", "recorded commands", "operator NAME" for another system, or "unknown
+        operator"; the same with "shared with" before it for shared control; "agent"; or "unknown".
     """
     mode = _mode(source)
     if mode not in ("human", "shared"):
         return mode
     operator = source.get("operator")
-    human = "simulated operator" if operator == SIMULATED_OPERATOR else "person" if operator else "human"
+    human = _OPERATORS.get(operator, f"operator {operator}") if operator else "unknown operator"
     return human if mode == "human" else f"shared with {human}"
 
 

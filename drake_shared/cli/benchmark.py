@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json as json_library
-from pathlib import Path
 
-from drake_shared.cli.command import Command
+from drake_shared.cli.command import Command, OptionalInt, OptionalPath
 from drake_shared.cli.common import print_json
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
@@ -17,18 +16,18 @@ from drake_shared.common.files import check_writable, replacing
 class Benchmark(Command):
     """Measures predictions, trials, training, batches, lock-step, growth and safety as ratios in one run."""
 
-    out: Path | None = None
+    out: OptionalPath = None
     """Folder for benchmark.json and benchmark.png; default: the results are only printed."""
     only: tuple[str, ...] = ()
     """Which groups: predict, trial, training, batch, lockstep, many, growth, safety;
     default: all."""
     quick: bool = False
     """Rough results within a minute or two instead of half an hour."""
-    repeats: int | None = None
+    repeats: OptionalInt = None
     """How often each contender is timed; default: 15, quick: 5."""
-    demos: Path | None = None
+    demos: OptionalPath = None
     """Demonstrations to train on; default: drives of a simulated operator."""
-    test_demos: Path | None = None
+    test_demos: OptionalPath = None
     """Demonstrations to test the trained learners with."""
     json: bool = False
     """Print everything as one JSON object."""

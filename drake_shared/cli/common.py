@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,21 @@ from drake_shared.common.files import models_directory
 from drake_shared.learners import Learner, load_learner
 from drake_shared.learners.storage import learner_id
 from drake_shared.scenario import Scenario
+
+
+def parquet_files(paths: Sequence[Path]) -> list[Path]:
+    """The files among ``paths``, and the Parquet files in the folders among them, by name.
+
+    Raises:
+        InputError: A folder has none.
+    """
+    files: list[Path] = []
+    for path in paths:
+        found = sorted(path.glob("*.parquet")) if path.is_dir() else [path]
+        if not found:
+            raise InputError(path, "", "must hold at least one Parquet file")
+        files += found
+    return files
 
 
 def choose_model(scenario: Scenario, model: Path | None, preset: str) -> Path:

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from drake_shared.cli.command import OptionalPath
 from drake_shared.cli.common import open_learner, print_json
 from drake_shared.cli.options import LearnerOptions
+from drake_shared.cli.table import figure_lines
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_target
@@ -30,11 +32,11 @@ class Evaluate(LearnerOptions):
     """Trials in which the confidence is evaluated; 0 omits it."""
     seed: int = 0
     """Seed of the noise, the fresh drives and the trials."""
-    recalibrate: Path | None = None
+    recalibrate: OptionalPath = None
     """Write the learner here with its standard deviations scaled to fit the demonstrations."""
     calibration: Calibration = "percentile"
     """How K of that file is found: from the 95th percentile of the variance, or the largest (the paper)."""
-    figure: Path | None = None
+    figure: OptionalPath = None
     """Write a reliability diagram here (PNG)."""
     json: bool = False
     """Print everything as one JSON object."""
@@ -47,7 +49,7 @@ class Evaluate(LearnerOptions):
         from drake_shared.scenario import load_scenario
         from drake_shared.simulation.teaching import teach
 
-        scenario = load_scenario(self.scenario)
+        scenario = load_scenario(self.scenario_source())
         learner, path = open_learner(scenario, self.model, self.preset)
         if self.trials < 0:
             raise InputError("evaluate", "trials", "must not be negative", self.trials)
@@ -131,25 +133,22 @@ class Evaluate(LearnerOptions):
 def _print(result: dict[str, Any]) -> None:
     if (end := result["loss_threshold"]) is not None:
         reached = "reached" if end["reached"] else "not reached, training stopped early"
-        print(f"  loss in training {end['loss']:.2f}, threshold {end['threshold']:g}: {reached}")
-    names = ["nll", "ade", "fde", "crps", "scale"]
-    names += [name for name in result if name.startswith("coverage")]
-    for name in names:
-        print(f"  {name:28s} {result[name]:9.4g}")
+        print(f"loss in training {end['loss']:.2f}, threshold {end['threshold']:g}: {reached}")
+    print("predictions of the rest of a demonstration from one point:")
+    _print_figures(result)
     for part in result["by_time_to_end"]:
         measures = ", ".join(f"{name} {part[name]:.3g}" for name in ("nll", "ade", "crps", "coverage90"))
         print(f"  {part['from']:.1f} to {part['to']:.1f} s to the end: {measures}")
     if "confidence" in result:
         judged = result["confidence"]
         taught = ", ".join(judged["taught_routes"]) or "none"
-        print(f"  over shared trials of a simulated operator, on routes that were taught ({taught}):")
-        _print_calibration(judged)
+        print(f"confidence in shared trials of a simulated operator, on routes that were taught ({taught}):")
+        _print_figures(judged)
         if judged["untaught"] is not None:
-            print("  on routes that were not taught:")
-            _print_calibration(judged["untaught"])
+            print("on routes that were not taught:")
+            _print_figures(judged["untaught"])
 
 
-def _print_calibration(judged: dict[str, Any]) -> None:
-    for name, value in judged.items():
-        if isinstance(value, float):
-            print(f"  {name:28s} {value:9.4g}")
+def _print_figures(figures: dict[str, Any]) -> None:
+    known = [(name, value) for name, value in figures.items() if isinstance(value, float)]
+    print("\n".join(figure_lines((name, f"{value:.4g}") for name, value in known)))

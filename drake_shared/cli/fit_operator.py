@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from drake_shared.cli.command import Command
-from drake_shared.cli.common import print_json
+from drake_shared.cli.common import parquet_files, print_json
 
 if TYPE_CHECKING:
     from drake_shared.analysis.operator_fit import OperatorFit
@@ -22,7 +22,7 @@ class FitOperator(Command):
     """Fits skill, delay, noise and yielding of a simulated operator to recorded trials, with intervals."""
 
     logs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Logs of trials of one operator in one scenario, each with its intended route."""
+    """Logs of trials of one operator in one scenario, each with its intended route, or folders of them."""
     json: bool = False
     """Print everything as one JSON object."""
 
@@ -33,7 +33,7 @@ class FitOperator(Command):
 
         trials: list[Trial] = []
         names: list[str] = []
-        for log in self.logs:
+        for log in parquet_files(self.logs):
             found = read_logs(log)
             trials += found.values()
             names += [str(log)] if len(found) == 1 else [f"{log}#{number}" for number in found]

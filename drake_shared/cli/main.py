@@ -22,6 +22,7 @@ from drake_shared.cli.messages import usage_error
 from drake_shared.cli.old_spellings import translate
 from drake_shared.common.console import say, tolerant_streams
 from drake_shared.common.errors import DrakeSharedError, InputError
+from drake_shared.common.suggestions import suggestion
 
 # A module is imported only when its command is used or all are listed, so that --help stays quick.
 COMMANDS = {
@@ -32,6 +33,7 @@ COMMANDS = {
     "evaluate": "evaluate:Evaluate",
     "fit-operator": "fit_operator:FitOperator",
     "lineage": "lineage:Lineage",
+    "list": "list:List",
     "replay": "replay:Replay",
     "reproduce": "reproduce:Reproduce",
     "benchmark": "benchmark:Benchmark",
@@ -74,6 +76,11 @@ def parse(arguments: Sequence[str]) -> Command:
     """
     name, options = (arguments[0], translate(arguments[1:])) if arguments else ("", [])
     known = name in COMMANDS
+    if not known and name not in ("-h", "--help"):
+        got = f", got {name!r}{suggestion(name, COMMANDS)}" if name else ""
+        raise InputError(
+            "usage", f"the first argument must be one of {', '.join(COMMANDS)}{got}", "(see --help)"
+        )
     kind: Any = _class_of(name) if known else functools.reduce(operator.or_, _subcommands())
     defaults = kind.defaults(options) if known else {}
     with usage_error():

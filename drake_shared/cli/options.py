@@ -6,12 +6,11 @@ import argparse
 import contextlib
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
-from drake_shared.cli.command import Command
+from drake_shared.cli.command import Command, OptionalPath, OptionalText
 from drake_shared.common.errors import InputError
 from drake_shared.simulation.config import SharedControlConfig, config_for, load_config
 
@@ -23,10 +22,10 @@ Control = Annotated[SharedControlConfig, tyro.conf.arg(name=""), tyro.conf.FlagC
 class ControlOptions(Command):
     """Options of commands that run trials."""
 
-    scenario: str | None = None
-    """Scenario file, or the name of a shipped one."""
-    config: Path | None = None
-    """YAML file with the options below; those on the command line win."""
+    scenario: OptionalText = None
+    """Scenario file, or the name of a shipped one; default: that of the learner, or two_obstacles."""
+    config: OptionalPath = None
+    """YAML file with the options of how control is shared; those on the command line win. Default: none."""
     control: Control = dataclasses.field(default_factory=SharedControlConfig)
 
     @classmethod
@@ -44,10 +43,33 @@ class ControlOptions(Command):
 class LearnerOptions(ControlOptions):
     """Options of commands that run trials with a learner."""
 
-    model: Path | None = None
+    model: OptionalPath = None
     """Learner; default: the one that ships for the scenario and preset."""
     preset: Literal["default", "paper"] = "default"
     """Which of the shipped learners. A learner of preset paper has no authority unless it is set."""
+
+    def scenario_source(self) -> str | None:
+        """What `load_scenario` takes: ``--scenario``, or else the scenario that the learner was taught.
+
+        Raises:
+            InputError: The learner names a scenario of which no file is known.
+        """
+        if self.scenario is not None or self.model is None:
+            return self.scenario
+        from pathlib import Path
+
+        from drake_shared.learners.storage import find_file, read_description
+        from drake_shared.scenario import shipped_scenarios
+
+        taught = read_description(self.model).get("scenario")
+        if not isinstance(taught, str) or taught in shipped_scenarios():
+            return taught if isinstance(taught, str) else None
+        for folder in (Path(find_file(self.model)).parent, Path()):
+            beside = folder / f"{taught}.yaml"
+            if beside.is_file():
+                return str(beside)
+        expected = f"must be given: {self.model} was taught scenario {taught!r}, of which no file is known"
+        raise InputError("--scenario", "", expected)
 
     @classmethod
     def defaults(cls, arguments: Sequence[str]) -> dict[str, Any]:
@@ -63,6 +85,33 @@ class LearnerOptions(ControlOptions):
             with contextlib.suppress(InputError):
                 preset = read_description(model).get("preset")
         return {"control": config_for(preset or "default")}
+
+
+@dataclasses.dataclass(kw_only=True)
+class PageOptions(Command):
+    """Options of commands that serve the page."""
+
+    host: str = "127.0.0.1"
+    """Address that the page listens on. Anything but this machine's own shows it to the network."""
+    port: int = 8080
+    """Port that the page listens on; 0 takes any that is free."""
+    allow_host: tuple[str, ...] = ()
+    """Further names of this machine by which browsers may ask for the page; default: none."""
+    behind_proxy: OptionalText = None
+    """Address under which a proxy that speaks TLS shows the page, such as https://lab.example; default: no
+    proxy."""
+    open: bool = True
+    """Open the page in this machine's browser."""
+
+    def page(self) -> dict[str, Any]:
+        """Keyword arguments of `drake_shared.cockpit.drive`."""
+        return {
+            "host": self.host,
+            "port": self.port,
+            "allowed_hosts": self.allow_host,
+            "proxy": self.behind_proxy,
+            "open_browser": self.open,
+        }
 
 
 def _value_of(option: str, arguments: Sequence[str]) -> str | None:

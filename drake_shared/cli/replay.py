@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from drake_shared.arbitration.authority import Authority
-from drake_shared.cli.command import Command
+from drake_shared.cli.command import Command, OptionalPath, OptionalText
 from drake_shared.cli.common import learner_of_log, print_json
+from drake_shared.cli.table import figure_lines
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 from drake_shared.simulation.config import SharedControlConfig, config_for, load_config
@@ -29,17 +30,18 @@ class Replay(Command):
     """Log of the trial."""
     out: Path
     """HTML file to write."""
-    model: Path | None = None
+    model: OptionalPath = None
     """Learner whose prediction is shown; default: the one of the trial, if its file is found."""
-    arbitration: str | None = None
+    arbitration: OptionalText = None
     """Play the human's commands again under this arbiter, in open loop; see simulate --arbitration."""
     authority: Annotated[Authority, tyro.conf.FlagConversionOff] = dataclasses.field(
         default_factory=Authority
     )
-    config: Path | None = None
+    config: OptionalPath = None
     """YAML file that says how control is shared, to play the human's commands again so, in open loop."""
     json: bool = False
-    """With --arbitration or --config: print the metrics as one JSON object."""
+    """With --arbitration or --config: print the metrics as one JSON object, those of the part in which the
+    pose is the recorded one."""
     authority_given: tyro.conf.Suppress[bool] = False
 
     @classmethod
@@ -104,11 +106,9 @@ class Replay(Command):
             print_json(result | {"left_recorded_pose_at": played.left_at, "metrics": measures})
         else:
             print(note)
-            _print_measures(measures)
+            if played.left_at is None:
+                known = ((name, value) for name, value in measures.items() if value is not None)
+                print("\n".join(figure_lines((name, f"{float(value):.4g}") for name, value in known)))
+            else:
+                print("From there on the recorded commands answer to another pose: no figures are given.")
         say(f"wrote {self.out}")
-
-
-def _print_measures(measures: dict[str, Any]) -> None:
-    for name, value in measures.items():
-        if value is not None:
-            print(f"  {name:24s} {float(value):10.4g}")

@@ -6,7 +6,7 @@ import dataclasses
 import os
 from pathlib import Path
 
-from drake_shared.cli.command import Command
+from drake_shared.cli.command import Command, OptionalInt, OptionalText
 from drake_shared.cli.common import print_json
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
@@ -20,13 +20,13 @@ class Reproduce(Command):
     """Folder for the report and for the results of every task; must be empty or new."""
     quick: bool = False
     """Few repeats: minutes instead of more than an hour, with wider intervals."""
-    scenario: str | None = None
+    scenario: OptionalText = None
     """Scenario file, or the name of a shipped one."""
     only: tuple[str, ...] = ()
     """Names of experiments; default: all."""
-    workers: int | None = None
+    workers: OptionalInt = None
     """Number of processes; the results do not depend on it. Default: one for each processor."""
-    cluster: str | None = None
+    cluster: OptionalText = None
     """Address of a Dask scheduler (extra cluster), such as tcp://host:8786, to use instead."""
     resume: bool = False
     """Continue the run that is in the folder."""

@@ -8,10 +8,13 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from drake_shared.cli.command import OptionalPath
 from drake_shared.cli.common import open_learner, print_json
 from drake_shared.cli.options import LearnerOptions
+from drake_shared.cli.table import figure_lines, interval
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
+from drake_shared.common.suggestions import suggestion
 from drake_shared.demonstrations.log_table import split_number
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.scenario import Scenario
@@ -32,7 +35,7 @@ class Simulate(LearnerOptions):
     behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
     workers: int = 1
     """Number of processes; the results do not depend on it."""
-    out: Path | None = None
+    out: OptionalPath = None
     """Folder for the logs; none are kept without it."""
     trials_per_log: int = 1
     """Most trials in one log. Several are written many times as fast; LOG#3 names trial 3 of a log."""
@@ -56,12 +59,12 @@ class Simulate(LearnerOptions):
         from drake_shared.analysis.metrics import summarize
         from drake_shared.scenario import load_scenario
 
-        scenario = load_scenario(self.scenario)
+        scenario = load_scenario(self.scenario_source())
         self.control.faults.check_duration(scenario.duration)
         behaviour, switching, recording = self._operator(scenario)
         model = self._model(scenario)
         batch = Batch(
-            scenario=self.scenario,
+            scenario=self.scenario_source(),
             model=None if model is None else str(model),
             count=self.trials,
             seed=self.seed,
@@ -103,8 +106,9 @@ class Simulate(LearnerOptions):
                 raise InputError(f"--operator {self.operator}", "", expected)
             return named.behaviour_in(scenario), named.switches, None
         if not Path(split_number(self.operator)[0]).exists():
-            names = ", ".join(("surrogate", *OPERATORS))
-            raise InputError(self.operator, "", f"must be a log or one of {names}; there is no such file")
+            names = ("surrogate", *OPERATORS)
+            expected = f"must be a log or one of {', '.join(names)}; there is no such file"
+            raise InputError(self.operator, "", f"{expected}{suggestion(self.operator, names)}")
         recorded = read_log(self.operator).metadata["scenario"]["name"]
         if recorded != scenario.name:
             say(f"warning: {self.operator} was recorded in scenario {recorded!r}, not {scenario.name!r}")
@@ -123,9 +127,7 @@ class Simulate(LearnerOptions):
 
 def print_summary(summary: dict[str, Any], count: int) -> None:
     """Writes the metrics of ``count`` trials as a table."""
-    print(f"{count} trials of a simulated operator: mean and 95% interval")
-    for name, values in summary.items():
-        if values["mean"] is None:
-            continue
-        interval = "" if values["low"] is None else f"  [{values['low']:.4g}, {values['high']:.4g}]"
-        print(f"  {name:24s} {values['mean']:10.4g}{interval}")
+    trials = "1 trial" if count == 1 else f"{count} trials"
+    print(f"{trials} of a simulated operator: mean and 95% interval")
+    known = [(name, interval(values)) for name, values in summary.items() if values["mean"] is not None]
+    print("\n".join(figure_lines(known)))

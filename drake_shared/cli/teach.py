@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from drake_shared.cli.options import ControlOptions
+from drake_shared.cli.command import OptionalInt
+from drake_shared.cli.options import ControlOptions, PageOptions
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_target
@@ -16,7 +17,7 @@ from drake_shared.operators.behaviour import Behaviour
 
 
 @dataclasses.dataclass(kw_only=True)
-class Teach(ControlOptions):
+class Teach(PageOptions, ControlOptions):
     """Records demonstrations without assistance and scores each by its clearance."""
 
     out: Path
@@ -24,16 +25,10 @@ class Teach(ControlOptions):
     fewer than the number wanted is continued."""
     operator: Literal["mouse", "surrogate"] = "surrogate"
     """Who drives: a person on the page, or a simulated operator along each route in turn."""
-    count: int | None = None
+    count: OptionalInt = None
     """Number of demonstrations; default: one for each route."""
     seed: int = 0
     """Seed of the first one's noise; each following one has the next."""
-    host: str = "127.0.0.1"
-    """Address that the page listens on, for the mouse."""
-    port: int = 8080
-    """Port that the page listens on; 0 takes any that is free."""
-    open: bool = True
-    """Open the page in this machine's browser."""
     behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
 
     def run(self) -> None:
@@ -54,9 +49,7 @@ class Teach(ControlOptions):
                 count=self.count,
                 out=self.out,
                 config=self.control,
-                host=self.host,
-                port=self.port,
-                open_browser=self.open,
+                **self.page(),
             )
         else:
             demonstrations = teach(

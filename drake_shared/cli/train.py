@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from drake_shared.analysis.weight_figure import draw_weights
-from drake_shared.cli.command import Command
+from drake_shared.cli.command import Command, OptionalFloat, OptionalInt, OptionalPath, OptionalText
 from drake_shared.cli.common import print_json
 from drake_shared.common.console import say
 from drake_shared.common.files import check_target
@@ -29,14 +29,14 @@ class Train(Command):
     """Parquet files of demonstrations, or logs of trials."""
     out: Path
     """Safetensors file to write."""
-    scenario: str | None = None
+    scenario: OptionalText = None
     """Scenario file, or the name of a shipped one; scores by clearance need its obstacles."""
     learner: str = "cnmp"
     """"cnmp", "mixture" (one expert per route), "cesn" (an echo state network, trained in seconds), "promp"
     (extra baselines), or a registered one."""
     preset: Literal["default", "paper"] = "default"
     """What works best, or the method of the paper."""
-    score: str | None = None
+    score: OptionalText = None
     """How demonstrations are scored: "clearance", a column of the files, or "module:function" of the
     positions (n, 2). Default: the scores in the files; where there are none, all have the same weight."""
     unweighted: bool = False
@@ -45,11 +45,11 @@ class Train(Command):
     """Seed of the initial weights and of all sampling."""
     members: int = 1
     """More than one trains an ensemble of a "cnmp", whose disagreement adds to the variance."""
-    seconds: float | None = None
-    """Time limit of the training, in s, for which the iterations are planned."""
-    iterations: int | None = None
+    seconds: OptionalFloat = None
+    """Time limit of the training, in s, for which the iterations are planned; default: none."""
+    iterations: OptionalInt = None
     """Limit on the iterations; default: the preset's. "paper" stops when its loss is below a threshold."""
-    score_width: float | None = None
+    score_width: OptionalFloat = None
     """Width of the sampling density over the scores, in standard deviations of the scores; default: 2."""
     calibration: Calibration = "percentile"
     """How K is found: from the 95th percentile of the variance along the demonstrations, or the largest, as
@@ -57,7 +57,7 @@ class Train(Command):
     device: Literal["cpu", "cuda", "auto"] = "cpu"
     """Where networks are trained: "cuda" is a GPU (untested), "auto" a GPU if there is one. Another device
     gives other bits."""
-    show_weights: Path | None = None
+    show_weights: OptionalPath = None
     """Write a figure of scores and sampling weights here (PNG), as in the paper's Fig. 5."""
     json: bool = False
     """Print the training record as one JSON object."""

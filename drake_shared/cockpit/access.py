@@ -6,13 +6,24 @@ import hmac
 import ipaddress
 import secrets
 import socket
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
+from urllib.parse import urlsplit
 
 from aiohttp import web
 
+from drake_shared.common.errors import InputError
+
 _LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 _BAD_KEY = "Open the address that drake-shared printed, with its key: this browser has none, or an old one."
-_FOREIGN_PAGE = "Only this server's own page may do that."
+_FOREIGN_PAGE = (
+    "Only this server's own page may do that. If this is its page, seen through a proxy that speaks TLS, "
+    "start drake-shared with --behind-proxy and the address in the browser, such as https://lab.example."
+)
+_OTHER_NAME = (
+    "This server does not go by that name. If it should, start drake-shared with --allow-host and the name, "
+    "or, behind a proxy that speaks TLS, with --behind-proxy and the address in the browser, such as "
+    "https://lab.example."
+)
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -28,22 +39,39 @@ class Access:
     Args:
         host: The address that the server listens on.
         token: The token; random if None.
+        allowed_hosts: Further names of this computer, without port.
+        proxy: Origin under which a proxy shows this server, such as "https://lab.example:8443". Only its
+            pages are served then, besides those of this computer.
+
+    Raises:
+        InputError: ``proxy`` is no origin.
     """
 
-    def __init__(self, *, host: str, token: str | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        host: str,
+        token: str | None = None,
+        allowed_hosts: Collection[str] = (),
+        proxy: str | None = None,
+    ) -> None:
         self.token = token or secrets.token_urlsafe(18)
+        self.proxy = None if proxy is None else _origin(proxy)
         self._names = set(_LOOPBACK_NAMES)
         if not is_loopback(host):
             self._names |= {host.lower(), socket.gethostname().lower(), socket.getfqdn().lower()}
+        self._names |= {name.lower() for name in allowed_hosts}
+        if self.proxy is not None:
+            self._names.add(_without_port(self.proxy.partition("://")[2]))
 
     @web.middleware
     async def check_request(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Answers requests that may not enter with 403."""
         if not self._is_own_host(request):
-            raise web.HTTPForbidden(text="This server does not go by that name.")
+            raise web.HTTPForbidden(text=_OTHER_NAME)
         origin = request.headers.get("Origin")
         must_have_origin = is_upgrade(request)
-        if (must_have_origin or origin is not None) and origin != f"{request.scheme}://{request.host}":
+        if (must_have_origin or origin is not None) and not self._is_own_origin(origin, request):
             raise web.HTTPForbidden(text=_FOREIGN_PAGE)
         if _is_embedded_elsewhere(request):
             raise web.HTTPForbidden(text=_FOREIGN_PAGE)
@@ -52,7 +80,15 @@ class Access:
             if not self._is_token(key):
                 raise web.HTTPForbidden(text=_BAD_KEY)
             response = web.HTTPSeeOther("/")
-            response.set_cookie(_cookie_name(request), self.token, httponly=True, samesite="Strict", path="/")
+            response.set_cookie(
+                _cookie_name(request),
+                self.token,
+                httponly=True,
+                samesite="Strict",
+                path="/",
+                # A plain connection to this computer itself must get the cookie too, for example by ssh.
+                secure=self.proxy is not None and not self._is_local(request),
+            )
             raise response
         if not self._is_token(request.cookies.get(_cookie_name(request), "")):
             raise web.HTTPForbidden(text=_BAD_KEY)
@@ -71,6 +107,16 @@ class Access:
 
     def _is_token(self, key: str) -> bool:
         return hmac.compare_digest(key.encode(), self.token.encode())
+
+    def _is_own_origin(self, origin: str | None, request: web.Request) -> bool:
+        # A proxy may forward the Host that the browser gave, or give its own.
+        return origin == f"{request.scheme}://{request.host}" or (
+            self.proxy is not None and origin == self.proxy
+        )
+
+    @staticmethod
+    def _is_local(request: web.Request) -> bool:
+        return _without_port(request.host).lower() in _LOOPBACK_NAMES
 
     def _is_own_host(self, request: web.Request) -> bool:
         name = _without_port(request.host).lower()
@@ -105,6 +151,27 @@ def _is_embedded_elsewhere(request: web.Request) -> bool:
         return False
     # A followed link requests a document; frames, scripts and images request something else.
     return request.headers.get("Sec-Fetch-Dest") != "document"
+
+
+def _origin(address: str) -> str:
+    """The origin of an address, as browsers write it.
+
+    Raises:
+        InputError: It has no scheme http or https, no host, or a path.
+    """
+    parts = urlsplit(address)
+    try:
+        port = parts.port
+    except ValueError:
+        port = -1
+    whole = parts.path in ("", "/") and not (parts.query or parts.fragment or parts.username)
+    if parts.scheme not in ("http", "https") or not parts.hostname or port == -1 or not whole:
+        raise InputError(
+            "--behind-proxy", "", "must be an address such as https://lab.example", repr(address)
+        )
+    host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+    standard = port in (None, {"http": 80, "https": 443}[parts.scheme])
+    return f"{parts.scheme}://{host}" + ("" if standard else f":{port}")
 
 
 def _without_port(host: str) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import gc
 import os
 import signal
 import sys
 import threading
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 from pydrake.systems.framework import LeafSystem
@@ -21,6 +22,7 @@ from drake_shared.cockpit.session import Session
 from drake_shared.common.console import say
 from drake_shared.common.errors import DrakeSharedError, InputError
 from drake_shared.common.files import check_writable
+from drake_shared.common.suggestions import suggestion
 from drake_shared.common.threads import single_threaded
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
@@ -29,6 +31,7 @@ from drake_shared.simulation.journal import recover_trials
 from drake_shared.simulation.scene_drawing import center_scene
 from drake_shared.simulation.trial import Simulation, Trial
 from drake_shared.systems.mouse_input import MouseInput
+from drake_shared.systems.operators import make_operator, registered_operators
 
 OPERATORS = ("mouse", "surrogate")
 
@@ -46,6 +49,8 @@ def drive(
     record: str | os.PathLike[str] | None = None,
     host: str = "127.0.0.1",
     port: int = DEFAULT_PORT,
+    allowed_hosts: Collection[str] = (),
+    proxy: str | None = None,
     open_browser: bool = True,
     keep_logs: bool = True,
     on_trial: Callable[[Trial], bool | None] = lambda _: None,
@@ -59,12 +64,14 @@ def drive(
     Args:
         scenario: The task.
         learner: Predicts intentions; if None, the person drives alone.
-        operator: "mouse" for a person at the page, "surrogate" for a simulated operator.
+        operator: "mouse" for a person at the page, "surrogate" for a simulated operator, or the name of one
+            that is registered.
         assist: Whether the agent takes part in the first trial; the page can switch it.
         config: How control is shared; if None, the one that the learner's preset names.
         record: Folder for the logs; if None, nothing is saved.
         host: Address to listen on.
         port: Port to listen on; 0 takes any free port.
+        allowed_hosts, proxy: See :class:`CockpitServer`.
         open_browser: Whether to open the page in this computer's browser, if it has a display.
         keep_logs: False removes the log of each trial at its end, after ``on_trial`` has saved it elsewhere.
         on_trial: Called with every finished trial; the session ends when it returns True.
@@ -82,6 +89,8 @@ def drive(
         record=record,
         host=host,
         port=port,
+        allowed_hosts=allowed_hosts,
+        proxy=proxy,
         interrupted=interrupted,
         keep_logs=keep_logs,
         on_trial=on_trial,
@@ -105,6 +114,8 @@ def open_session(
     record: str | os.PathLike[str] | None = None,
     host: str = "127.0.0.1",
     port: int = 0,
+    allowed_hosts: Collection[str] = (),
+    proxy: str | None = None,
     interrupted: threading.Event | None = None,
     keep_logs: bool = True,
     report: Callable[[str], None] = say,
@@ -116,7 +127,8 @@ def open_session(
     context manager and the session's ``run`` must be used in the same thread, as Meshcat requires.
 
     Args:
-        scenario, learner, assist, config, record, host, port, keep_logs, on_trial: See :func:`drive`.
+        scenario, learner, assist, config, record, host, port, allowed_hosts, proxy, keep_logs, on_trial:
+            See :func:`drive`.
         operator: As for :func:`drive`, or a function that returns the operator: a LeafSystem with a vector
             output port ``human_command``, in wheel speeds [rad/s], that has no direct feedthrough. The
             function is called once with the :class:`DriverLock`, whose ``latest()`` is the newest sample
@@ -132,14 +144,25 @@ def open_session(
         InputError: See :func:`drive`.
     """
     if isinstance(operator, str) and operator not in OPERATORS:
-        raise InputError("operator", "", f"must be one of {', '.join(OPERATORS)}", repr(operator))
+        names = (*OPERATORS, *registered_operators())
+        if operator not in names:
+            expected = f"must be one of {', '.join(names)}{suggestion(operator, names)}"
+            raise InputError("operator", "", expected, repr(operator))
+        operator = functools.partial(_make_registered, operator, scenario)
     if record is not None:
         check_writable(record)
         _recover(Path(record), report)
     assisted = assist and learner is not None and (config is None or config.driver != "human")
     driver_lock = DriverLock(enabled=operator != "surrogate", assist=assisted)
     meshcat = start_meshcat()
-    server = CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=driver_lock, host=host, port=port)
+    server = CockpitServer(
+        meshcat_url=meshcat.web_url(),
+        driver_lock=driver_lock,
+        host=host,
+        port=port,
+        allowed_hosts=allowed_hosts,
+        proxy=proxy,
+    )
     with server, _low_latency():
         if operator == "mouse":
             system: LeafSystem | None = MouseInput(robot=scenario.robot, source=driver_lock)
@@ -180,6 +203,10 @@ def _set_on_signals(interrupted: threading.Event) -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _make_registered(name: str, scenario: Scenario, source: DriverLock) -> LeafSystem:
+    return make_operator(name, scenario=scenario, source=source)
 
 
 def _recover(folder: Path, report: Callable[[str], None]) -> None:

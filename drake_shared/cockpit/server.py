@@ -10,7 +10,7 @@ import logging
 import queue
 import socket
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +62,11 @@ class CockpitServer:
         host: Address to listen on.
         port: Port to listen on; 0 takes any free port.
         token: The key in the page's address; random if None.
+        allowed_hosts: Further names by which browsers may ask for the page.
+        proxy: Origin under which a proxy that speaks TLS shows the page, such as "https://lab.example".
+
+    Raises:
+        InputError: ``proxy`` is no origin.
     """
 
     def __init__(
@@ -72,12 +77,14 @@ class CockpitServer:
         host: str = "127.0.0.1",
         port: int = DEFAULT_PORT,
         token: str | None = None,
+        allowed_hosts: Collection[str] = (),
+        proxy: str | None = None,
     ) -> None:
         self.driver_lock = driver_lock
         self.host = host
         self.port = port
         self._bound = host
-        self._access = Access(host=host, token=token)
+        self._access = Access(host=host, token=token, allowed_hosts=allowed_hosts, proxy=proxy)
         self._meshcat = MeshcatProxy(meshcat_url)
         self._broadcast = Broadcast()
         self.routes: tuple[web.AbstractRoute, ...] = ()
@@ -92,9 +99,11 @@ class CockpitServer:
     def address(self) -> str:
         """The address to open in a browser, key included.
 
-        It is the address that the server listens on, and not a name such as localhost, under which another
-        program may listen on the same port and receive the key.
+        Without a proxy it is the address that the server listens on, and not a name such as localhost, under
+        which another program may listen on the same port and receive the key.
         """
+        if self._access.proxy is not None:
+            return f"{self._access.proxy}/?k={self._access.token}"
         host = socket.gethostname() if self._bound in ("0.0.0.0", "::") else self._bound
         shown = f"[{host}]" if ":" in host else host
         return f"http://{shown}:{self.port}/?k={self._access.token}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from drake_shared.cockpit.drive import drive
@@ -33,6 +33,8 @@ def teach_by_mouse(
     config: SharedControlConfig | None = None,
     host: str = "127.0.0.1",
     port: int = DEFAULT_PORT,
+    allowed_hosts: Collection[str] = (),
+    proxy: str | None = None,
     open_browser: bool = True,
     report: Callable[[str], None] = say,
 ) -> Demonstrations:
@@ -48,7 +50,7 @@ def teach_by_mouse(
             fewer than ``count`` continues it. If the program is killed, the next session with a file in the
             same folder saves what was driven of the trial under way as a log. If None, nothing is saved.
         config: Look-ahead, safety filter and faults; the human drives alone in any case.
-        host, port, open_browser: See :func:`drake_shared.cockpit.drive.drive`.
+        host, port, allowed_hosts, proxy, open_browser: See :func:`drake_shared.cockpit.drive.drive`.
         report: Called with messages for the user.
 
     Raises:
@@ -67,6 +69,8 @@ def teach_by_mouse(
         keep_logs=False,
         host=host,
         port=port,
+        allowed_hosts=allowed_hosts,
+        proxy=proxy,
         open_browser=open_browser,
         on_trial=collector,
     )

@@ -130,6 +130,6 @@ def make_promp(size: int) -> Any:
         from movement_primitives.promp import ProMP
     except ImportError as error:
         raise InputError(
-            "learner", "promp", "needs movement_primitives: pip install 'drake_shared[baselines]'"
+            "learner", "promp", "needs movement_primitives: in the checkout, pip install '.[baselines]'"
         ) from error
     return ProMP(size, WEIGHTS_PER_AXIS)

@@ -26,6 +26,7 @@ from typing import Any, cast
 
 from drake_shared.common.entry_points import load_registered, registered_names
 from drake_shared.common.errors import InputError
+from drake_shared.common.suggestions import suggestion
 from drake_shared.learners.base import Learner
 
 GROUP, TRAINERS = "drake_shared.learners", "drake_shared.trainers"
@@ -61,7 +62,8 @@ def find_learner(name: str, *, source: str | os.PathLike[str] = "learner") -> An
         return _built_in(_BUILT_IN[name][0])
     found = load_registered(GROUP, name, source=source, field="learner")
     if found is None:
-        raise InputError(source, "learner", f"must be one of {', '.join(learner_names())}", repr(name))
+        expected = f"must be one of {', '.join(learner_names())}{suggestion(name, learner_names())}"
+        raise InputError(source, "learner", expected, repr(name))
     return found
 
 

@@ -14,6 +14,7 @@ from safetensors.numpy import save
 
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import models_directory, replacing, sha256_of
+from drake_shared.common.suggestions import suggestion
 from drake_shared.learners.base import Learner
 from drake_shared.learners.check import check_learner
 from drake_shared.learners.registry import find_learner
@@ -95,6 +96,7 @@ def find_file(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
     if name in shipped or f"{name}_default" in shipped:
         return shipped.get(name) or shipped[f"{name}_default"]
     names = f", or the name of a shipped learner: {', '.join(shipped)}" if Path(name).name == name else ""
+    names += suggestion(name, shipped)
     raise InputError(path, "", f"must be a file that exists{names}")
 
 

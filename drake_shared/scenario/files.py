@@ -12,6 +12,7 @@ from pydrake.common.yaml import yaml_dump, yaml_load_typed
 
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import models_directory
+from drake_shared.common.suggestions import suggestion
 from drake_shared.common.yaml_document import parse_yaml, read_yaml
 from drake_shared.scenario.checks import check_obstacle_path, check_scenario
 from drake_shared.scenario.fields import check_fields
@@ -35,9 +36,10 @@ def load_scenario(path: str | os.PathLike[str] | None = None) -> Scenario:
     given = "two_obstacles" if path is None else os.fspath(path)
     file = Path(given)
     if not file.is_file():
-        shipped = {item.stem: item for item in (models_directory() / "scenarios").glob("*.yaml")}
+        shipped = shipped_scenarios()
         if given not in shipped:
-            raise InputError(given, "", f"must be a scenario file, or one of: {', '.join(sorted(shipped))}")
+            expected = f"must be a scenario file, or one of: {', '.join(shipped)}"
+            raise InputError(given, "", f"{expected}{suggestion(given, shipped)}")
         file = shipped[given]
     scenario = _read_scenario(read_yaml(file, "a scenario"), source=file)
     # Logs are read in other folders, and hold no more of the file than its path.
@@ -48,6 +50,11 @@ def load_scenario(path: str | os.PathLike[str] | None = None) -> Scenario:
             break
     check_scenario(scenario, source=file)
     return scenario
+
+
+def shipped_scenarios() -> dict[str, Path]:
+    """The files in models/scenarios by the names under which `load_scenario` finds them."""
+    return {file.stem: file for file in sorted((models_directory() / "scenarios").glob("*.yaml"))}
 
 
 def scenario_from_dict(data: Mapping[str, Any], *, source: str | os.PathLike[str] = "scenario") -> Scenario:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import json
 import math
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from drake_shared.arbitration.authority import Authority
 from drake_shared.arbitration.blend import DRIVERS
 from drake_shared.arbitration.feedback import Feedback
 from drake_shared.common.errors import InputError
+from drake_shared.common.suggestions import did_you_mean
+from drake_shared.common.yaml_document import parse_yaml, read_yaml, value_of
 from drake_shared.simulation.faults import Faults
 
 ENDS = ("reached", "duration")
@@ -136,15 +136,8 @@ def load_config(path: str | os.PathLike[str]) -> SharedControlConfig:
         InputError: The file cannot be read, or a field is unknown, of another type, out of range, or
             contradicts another one. The error names the file and the path of the field.
     """
-    import yaml
-
-    try:
-        data = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, "", f"cannot be read as a config: {error}") from error
-    except yaml.YAMLError as error:
-        raise InputError(path, "", f"must be YAML: {error}") from error
-    return SharedControlConfig.from_json({} if data is None else data, source=path)
+    root = parse_yaml(read_yaml(path, "a config"), source=path, what="a config")
+    return SharedControlConfig.from_json({} if root is None else value_of(root), source=path)
 
 
 def config_of_log(
@@ -185,7 +178,7 @@ def _from_mapping(cls: type[T], data: Any, source: str | os.PathLike[str], path:
     for name, value in data.items():
         where = f"{path}.{name}" if path else str(name)
         if name not in defaults:
-            raise InputError(source, where, f"is unknown{_did_you_mean(str(name), list(defaults))}")
+            raise InputError(source, where, f"is unknown{did_you_mean(str(name), defaults)}")
         inner = type(defaults[name])
         values[name] = (
             _from_mapping(inner, value, source, where) if dataclasses.is_dataclass(inner) else value
@@ -196,11 +189,6 @@ def _from_mapping(cls: type[T], data: Any, source: str | os.PathLike[str], path:
         field = f"{path}.{error.field}" if path else error.field
         expected = str(error).removeprefix(f"{error.source}: {error.field} ")
         raise InputError(source, field, expected) from error
-
-
-def _did_you_mean(name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    return f" (did you mean {close[0]!r}?)" if close else f"; known are {', '.join(known)}"
 
 
 def _parse_options(text: str) -> dict[str, float | str]:

@@ -25,6 +25,7 @@ from pydrake.systems.framework import LeafSystem
 from drake_shared.arbitration.authority import Authority
 from drake_shared.common.entry_points import load_registered, registered_names
 from drake_shared.common.errors import InputError
+from drake_shared.common.suggestions import suggestion
 from drake_shared.robots import DiffDrive, Robot
 from drake_shared.scenario import Scenario
 from drake_shared.systems.arbiter import Arbiter
@@ -47,6 +48,16 @@ _BUILT_IN: dict[str, Callable[..., LeafSystem]] = {
 def arbiter_names() -> list[str]:
     """Names of all registered arbiters, and "human" and "agent", which leave one of them alone."""
     return sorted({*_BUILT_IN, "human", "agent", *registered_names(GROUP)})
+
+
+def find_arbiter(name: str) -> Any:
+    """The class of an arbiter, or the function that makes it; None if there is none of that name.
+
+    Raises:
+        InputError: A registered one cannot be imported.
+    """
+    found = _BUILT_IN.get(name) or load_registered(GROUP, name, source="arbitration")
+    return found.func if isinstance(found, functools.partial) else found
 
 
 def make_arbiter(
@@ -78,7 +89,8 @@ def make_arbiter(
     """
     make = _BUILT_IN.get(name) or load_registered(GROUP, name, source="arbitration")
     if make is None:
-        raise InputError("arbitration", "", f"must be one of {', '.join(arbiter_names())}", repr(name))
+        expected = f"must be one of {', '.join(arbiter_names())}{suggestion(name, arbiter_names())}"
+        raise InputError("arbitration", "", expected, repr(name))
     robot = robot or DiffDrive()
     given: dict[str, Any] = {
         "robot": robot,

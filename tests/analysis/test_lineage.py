@@ -102,7 +102,9 @@ def test_autonomy_share_follows_from_the_mode_if_the_weight_is_unknown():
     [
         ({"mode": "human", "operator": "SurrogateOperator"}, "simulated operator"),
         ({"mode": "human", "operator": "MouseInput"}, "person"),
-        ({"mode": "human"}, "human"),
+        ({"mode": "human"}, "unknown operator"),
+        ({"mode": "human", "operator": "RecordedInput"}, "recorded commands"),
+        ({"mode": "human", "operator": "Joystick"}, "operator Joystick"),
         ({"mode": "shared", "operator": "MouseInput"}, "shared with person"),
         ({"mode": "agent", "operator": "SurrogateOperator"}, "agent"),
         ({}, "unknown"),

@@ -5,17 +5,18 @@ import json
 import os
 import subprocess
 import sys
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
 from drake_shared.cli.main import main
-from drake_shared.demonstrations import read_demonstrations
+from drake_shared.demonstrations import read_demonstrations, write_demonstrations
 from drake_shared.learners import load_learner
 from drake_shared.operators.named import OPERATORS
 from drake_shared.simulation.trial import read_log, write_log
 
-COMMANDS = ("drive", "teach", "train", "simulate", "fit-operator", "replay")
+COMMANDS = ("drive", "teach", "train", "simulate", "fit-operator", "replay", "list")
 ROW = {
     *("seed", "route", "success", "intent_success", "collision", "timeout", "completion_time"),
     *("human_effort", "mean_human_weight", "disagreement", "dissimilarity", "agreement"),
@@ -61,6 +62,8 @@ def log(human_trial, tmp_path_factory) -> Path:
         (("simulate", "--nonsense", "3"), "Unrecognized options: --nonsense"),
         (("simulate", "--trials", "many"), "--trials"),
         (("frobnicate",), "frobnicate"),
+        (("simulat", "--trials", "3"), "(did you mean 'simulate'?)"),
+        (("--trials", "3"), "first argument"),
         (("train", "--out", "x"), "--demos"),
         (("simulate", "--driver", "x"), "'shared', 'human', 'agent'"),
         ((), "drive, teach, train"),
@@ -238,8 +241,108 @@ def test_simulate_prints_a_table_for_people(cli):
     status, out, _ = cli(*ALONE, "--trials", "2")
     assert status == 0
     assert out.startswith("2 trials")
+    lines = {line.split()[0]: line for line in out.splitlines()[1:]}
+    assert "disagreement" in lines
+    # Each figure with its unit, which way is better, and what it means.
+    assert " m " in lines["path_length"]
+    assert "lower is better" in lines["path_length"]
+    assert "Length of the path driven." in lines["path_length"]
+
+
+def test_list_names_everything_that_can_be_named(cli):
+    status, out, _ = cli("list")
+    assert status == 0
+    words = set(out.split())
+    assert {"two_obstacles", "cnmp", "two_obstacles_paper", "traded", "laggy", "pioneer_p3dx.sdf"} <= words
+    status, out, _ = cli("list", "arbiters", "operators", "--json")
+    listed = json.loads(out)
+    assert set(listed) == {"arbiters", "operators"}
+    assert set(OPERATORS) <= set(listed["operators"])
+    assert all(text.endswith((".", ")")) for names in listed.values() for text in names.values())
+
+
+def test_list_includes_what_other_packages_register(cli, monkeypatch):
+    point = EntryPoint("mine", "collections:OrderedDict", "drake_shared.arbiters")
+    broken = EntryPoint("broken", "no_such_module:Thing", "drake_shared.arbiters")
+
+    def registered(*, group):
+        return [point, broken] if group == "drake_shared.arbiters" else []
+
+    monkeypatch.setattr("drake_shared.common.entry_points.entry_points", registered)
+    status, out, _ = cli("list", "arbiters", "--json")
+    arbiters = json.loads(out)["arbiters"]
+    assert status == 0
+    assert arbiters["mine"].startswith("Dictionary that remembers insertion order")
+    assert "no_such_module" in arbiters["broken"]
+
+
+def test_options_that_may_be_left_out_do_not_have_the_default_none(cli):
+    for command in COMMANDS:
+        _, out, _ = cli(command, "--help")
+        for option in ("--scenario", "--model", "--out", "--count"):
+            line = next((text for text in out.splitlines() if f" {option} " in text), "")
+            assert "None" not in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [
+        (("simulate", "--scenario", "two_obstacle"), "'two_obstacles'"),
+        (("simulate", "--operator", "nosy"), "'noisy'"),
+        (("simulate", "--arbitration", "blnd"), "'blend'"),
+        (("simulate", "--model", "doorway_papr"), "'doorway_paper'"),
+        (("drive", "--operator", "surogate"), "'surrogate'"),
+    ],
+)
+def test_a_misspelt_name_is_answered_with_the_likely_one(cli, tmp_path, monkeypatch, arguments, name):
+    monkeypatch.chdir(tmp_path)
+    status, _, err = cli(*arguments)
+    assert status == 2
+    assert f"(did you mean {name}?)" in err
+
+
+def test_a_learner_implies_its_scenario(cli, tmp_path, monkeypatch, taught):
+    _, out, err = cli("simulate", "--model", "doorway_default", "--json", "--out", tmp_path / "logs")
+    (row,) = json.loads(out)["trials"]
+    assert read_log(row["log"]).metadata["scenario"]["name"] == "doorway"
+    assert "warning" not in err
+    # One of a task of someone's own finds the file beside it, or says that it must be given.
+    own = tmp_path / "own.yaml"
+    shipped = Path(__file__).parents[2] / "models" / "scenarios" / "two_obstacles.yaml"
+    own.write_text(shipped.read_text().replace("name: two_obstacles", "name: own"))
+    demos = read_demonstrations(taught / "demos.parquet")
+    (tmp_path / "models").mkdir()
+    demos = dataclasses.replace(demos, metadata={**demos.metadata, "scenario": "own"})
+    write_demonstrations(tmp_path / "own.parquet", demos)
+    model = tmp_path / "models" / "own.safetensors"
+    assert cli("train", "--demos", tmp_path / "own.parquet", "--out", model, "--learner", "cesn")[0] == 0
+    monkeypatch.chdir(tmp_path / "models")
+    status, _, err = cli("simulate", "--model", model)
+    assert (status, err.count("\n")) == (2, 1)
+    assert "--scenario must be given" in err
+    monkeypatch.chdir(tmp_path)
+    status, out, _ = cli("simulate", "--model", model, "--json")
+    assert status == 0
+
+
+def test_a_replay_that_leaves_the_recording_gives_no_figures(cli, log, taught, tmp_path):
+    arguments = ("replay", log, "--out", tmp_path / "x.html", "--model", taught / "learner")
+    status, out, _ = cli(*arguments, "--arbitration", "agent")
+    assert status == 0
+    assert "left" in out
+    assert "path_length" not in out
+    status, out, _ = cli(*arguments, "--arbitration", "human")
+    assert status == 0
     assert "path_length" in out
-    assert "disagreement" in out
+
+
+def test_a_folder_is_taken_where_logs_are(cli, log, tmp_path):
+    status, out, _ = cli("fit-operator", log.parent)
+    assert status == 0
+    assert out.startswith("a model fitted to 1 trial")
+    status, _, err = cli("fit-operator", tmp_path)
+    assert status == 2
+    assert str(tmp_path) in err
 
 
 def test_simulate_takes_an_operator_by_name(cli, tmp_path):

@@ -97,7 +97,7 @@ def _cluster(address: str) -> Iterator[Pool]:
     try:
         import distributed
     except ImportError:
-        expected = "needs Dask: install the extra with pip install 'drake_shared[distributed]'"
+        expected = "needs Dask: in the checkout, pip install '.[distributed]'"
         raise InputError("--cluster", "", expected, address) from None
     # This module reports a lost connection in one line; Dask would add its traceback.
     logger = logging.getLogger("distributed.client")
