@@ -124,6 +124,15 @@ def test_without_a_command_nothing_is_learnt_of_the_route(drive):
     np.testing.assert_allclose(fusion.route_probability(state), prior, atol=1e-9)
 
 
+def test_a_turn_is_compared_with_those_of_the_routes_a_reaction_delay_earlier(drive):
+    _, poses = drive
+    still = np.zeros((len(poses), 2))
+    _, at_once = observe(fusion_with(FIXED), still, poses)
+    _, delayed = observe(fusion_with(dataclasses.replace(FIXED, delay=4 * PERIOD)), still, poses)
+    np.testing.assert_allclose(delayed[4:, :COUNT], at_once[:-4, :COUNT])
+    np.testing.assert_allclose(delayed[:4], at_once[:4])
+
+
 def test_drivers_side_by_side_do_not_depend_on_each_other(drive):
     fusion = fusion_with(FusionModel())
     commands, poses = drive
