@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from pathlib import Path
 from typing import Any, Literal
@@ -10,9 +11,11 @@ from drake_shared.analysis.weight_figure import draw_weights
 from drake_shared.cli.command import Command, OptionalFloat, OptionalInt, OptionalPath, OptionalText
 from drake_shared.cli.common import print_json
 from drake_shared.common.console import say
+from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_target
 from drake_shared.demonstrations import (
     Demonstrations,
+    check_units,
     load_scorer,
     read_demonstrations,
     score_demonstrations,
@@ -26,7 +29,7 @@ class Train(Command):
     """Trains a learner on demonstrations and logs (logs that reached the goal without contact)."""
 
     demos: tuple[Path, ...]
-    """Parquet files of demonstrations, or logs of trials."""
+    """Parquet files of demonstrations or logs, or folders of such files. Failed trials are left out."""
     out: Path
     """Safetensors file to write."""
     scenario: OptionalText = None
@@ -132,19 +135,31 @@ class Train(Command):
         return changes
 
     def _read(self) -> Demonstrations:
+        from drake_shared.scenario import clearance_scorer, load_scenario
+
         column = None
         if self.score is not None and self.score != "clearance" and ":" not in self.score:
             column = self.score
-        expected = None
-        if self.scenario is not None:
-            from drake_shared.scenario import load_scenario
-
-            expected = load_scenario(self.scenario).name
-        demonstrations = read_demonstrations(self.demos, scenario=expected, score_column=column)
+        scenario = None if self.scenario is None else load_scenario(self.scenario)
+        failed: list[InputError] = []
+        demonstrations = read_demonstrations(
+            self.demos,
+            scenario=None if scenario is None else scenario.name,
+            score_column=column,
+            failed=failed,
+        )
+        if failed:
+            say(f"left out {len(failed)} failed trials, the first because of {failed[0]}")
+        if scenario is None and demonstrations.scenario is not None:
+            # Not every scenario that files name is at hand, nor needed.
+            with contextlib.suppress(InputError):
+                scenario = load_scenario(demonstrations.scenario)
+        if scenario is not None:
+            space = scenario.workspace
+            extent = max(space.x_max - space.x_min, space.y_max - space.y_min)
+            check_units(demonstrations, duration=scenario.duration, extent=extent)
         if self.score == "clearance" or (self.score is None and self._lacks_scores(demonstrations)):
-            from drake_shared.scenario import clearance_scorer, load_scenario
-
-            scenario = load_scenario(self.scenario or demonstrations.scenario)
+            scenario = scenario or load_scenario(demonstrations.scenario)
             return score_demonstrations(demonstrations, clearance_scorer(scenario))
         if self.score is not None and ":" in self.score:
             return score_demonstrations(demonstrations, load_scorer(self.score))

@@ -3,6 +3,7 @@
 - `trajectories`: `Demonstration`, positions over time, and `Demonstrations`, those of one task
 - `weights`: scores and the probabilities with which training samples demonstrations
 - `parquet`: reading and writing files, and logs of trials as demonstrations
+- `units`: whether they are in seconds and metres
 - `progress_clock`: how far along the demonstrations a robot is
 """
 
@@ -15,6 +16,7 @@ from drake_shared.demonstrations.parquet import (
 )
 from drake_shared.demonstrations.progress_clock import ProgressClock
 from drake_shared.demonstrations.trajectories import Demonstration, Demonstrations
+from drake_shared.demonstrations.units import check_units
 from drake_shared.demonstrations.weights import (
     Scorer,
     demonstration_weights,
@@ -31,6 +33,7 @@ __all__ = [
     "Demonstrations",
     "ProgressClock",
     "Scorer",
+    "check_units",
     "demonstration_weights",
     "load_scorer",
     "min_score_width",

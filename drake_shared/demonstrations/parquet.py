@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import os
+import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -37,19 +39,25 @@ Path = str | os.PathLike[str]
 
 
 def read_demonstrations(
-    paths: Path | Sequence[Path], *, scenario: str | None = None, score_column: str | None = None
+    paths: Path | Sequence[Path],
+    *,
+    scenario: str | None = None,
+    score_column: str | None = None,
+    failed: list[InputError] | None = None,
 ) -> Demonstrations:
     """Reads demonstration files and logs, one after another, into one set.
 
     Args:
-        paths: A file or several. Each trial of a log gives one demonstration; FILE#3 names trial 3 alone.
+        paths: A file or several. Each trial of a log gives one demonstration; FILE#3 names trial 3 alone. A
+            folder stands for the Parquet files in it.
         scenario: If given, files that name another scenario are refused.
         score_column: A column that holds each demonstration's score, the same in all of its rows.
+        failed: If given, logs of trials that failed are left out, and their errors appended here.
 
     Raises:
-        InputError: A file is missing or invalid; names the file and the field.
+        InputError: A file is missing or invalid, or no trial succeeded; names the file and the field.
     """
-    files = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    files = _files([paths] if isinstance(paths, str | os.PathLike) else paths)
     if not files:
         raise InputError("demonstrations", "", "needs at least one file")
     items: list[Demonstration] = []
@@ -65,13 +73,15 @@ def read_demonstrations(
             "sha256": sha256_of(path),
         }
         if is_log:
-            read = _read_logs(path, table, description, score_column, number)
+            read = _read_logs(path, table, description, score_column, number, failed)
         else:
             read = _read_file(path, table, description, score_column)
         items += [dataclasses.replace(item, provenance={**item.provenance, **origin}) for item in read]
         named = _scenario_name(description)
         if named is not None:
             metadata["scenario"] = named
+    if failed and not items:
+        raise failed[0]
     return Demonstrations(
         items=tuple(items), metadata=metadata, source=", ".join(os.fspath(path) for path in files)
     )
@@ -129,6 +139,17 @@ def write_demonstrations(path: Path, demonstrations: Demonstrations, *, durable:
         pq.write_table(table, temporary)
 
 
+def _files(paths: Sequence[Path]) -> list[Path]:
+    """The files that paths name, those of a folder in the order of their names."""
+    files: list[Path] = []
+    for path in paths:
+        inside = sorted(pathlib.Path(path).glob("*.parquet")) if os.path.isdir(path) else [path]
+        if not inside:
+            raise InputError(path, "", "must be a file, or a folder with Parquet files")
+        files += inside
+    return files
+
+
 def _read_table(path: Path) -> tuple[pa.Table, dict[str, Any]]:
     """The table of a Parquet file and its metadata, of a known format and version."""
     if not os.path.isfile(path):
@@ -184,7 +205,7 @@ def _column(path: Path, table: pa.Table, name: str) -> NDArray[Any]:
         have = ", ".join(table.column_names) or "none"
         raise InputError(path, name, "must be among the columns", have)
     values: NDArray[Any] = table[name].to_numpy()
-    if values.dtype.kind not in "biuf":
+    if values.dtype.kind not in "iuf":
         raise InputError(path, name, "must hold numbers", table.schema.field(name).type)
     return values
 
@@ -195,8 +216,10 @@ def _read_file(
     ids = _column(path, table, "demonstration")
     if not table.num_rows:
         raise InputError(path, "", "must hold at least one demonstration", "no rows")
-    if not np.all(np.isfinite(ids)):
-        raise InputError(path, "demonstration", "must be a whole number in every row")
+    fractional = np.flatnonzero(~np.isfinite(ids) | (ids != np.rint(ids)))
+    if len(fractional):
+        got = f"{ids[fractional[0]]} in row {fractional[0]}"
+        raise InputError(path, "demonstration", "must be a whole number in every row", got)
     order = np.argsort(ids, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(ids[order])) + 1)
     scores = description.get("scores") or [None] * len(groups)
@@ -204,8 +227,8 @@ def _read_file(
     for name, values in (("scores", scores), ("provenance", provenance)):
         if not isinstance(values, list) or len(values) != len(groups):
             raise InputError(path, name, f"must have one entry for each of {len(groups)} demonstrations")
-    if any(isinstance(score, bool) or not isinstance(score, int | float | None) for score in scores):
-        raise InputError(path, "scores", "must be numbers or null", scores)
+    if not all(map(_is_score, scores)):
+        raise InputError(path, "scores", "must be finite numbers or null")
     if any(not isinstance(origin, dict) for origin in provenance):
         raise InputError(path, "provenance", "must be JSON objects")
     if score_column is not None:
@@ -228,6 +251,13 @@ def _read_file(
     ]
 
 
+def _is_score(value: Any) -> bool:
+    try:
+        return value is None or (not isinstance(value, bool | str) and math.isfinite(float(value)))
+    except (TypeError, OverflowError):
+        return False
+
+
 def _column_scores(path: Path, table: pa.Table, groups: Sequence[NDArray[np.intp]], name: str) -> list[float]:
     values = _column(path, table, name)
     scores = []
@@ -246,13 +276,35 @@ def _read_logs(
     description: Mapping[str, Any],
     score_column: str | None,
     number: int | None,
+    failed: list[InputError] | None,
 ) -> list[Demonstration]:
     """The demonstrations of a log, or the one of the trial that is named."""
-    trials = split_table(path, table, description, number)
-    return [
-        _read_log(path if trial is None else f"{path}#{trial}", rows, described, score_column)
-        for trial, (rows, described) in trials.items()
-    ]
+    read = []
+    for trial, (rows, described) in split_table(path, table, description, number).items():
+        source = path if trial is None else f"{path}#{trial}"
+        error = _failure(source, rows, described)
+        if error is None:
+            read.append(_read_log(source, rows, described, score_column))
+        elif failed is None:
+            raise error
+        else:
+            failed.append(error)
+    return read
+
+
+def _failure(path: str, table: pa.Table, description: Mapping[str, Any]) -> InputError | None:
+    """Why a trial is no demonstration; None if it is one."""
+    if "contact" not in table.column_names:
+        return InputError(path, "contact", "must be among the columns", ", ".join(table.column_names))
+    status = description.get("status")
+    if status != "reached":
+        return InputError(path, "status", 'must be "reached" for a log to be a demonstration', repr(status))
+    contact = np.flatnonzero(table["contact"].to_numpy())
+    if len(contact):
+        when = _column(path, table, "t")[contact[0]]
+        expected = "must be false throughout for a log to be a demonstration"
+        return InputError(path, "contact", expected, f"contact at {when:g} s")
+    return None
 
 
 def _read_log(
@@ -260,19 +312,12 @@ def _read_log(
 ) -> Demonstration:
     """The demonstration of a trial that reached the goal without contact."""
     names = _position_names(path, table, description)
-    times, contact = (_column(path, table, name) for name in ("t", "contact"))
-    status = description.get("status")
-    if status != "reached":
-        raise InputError(path, "status", 'must be "reached" for a log to be a demonstration', repr(status))
-    if np.any(contact):
-        expected = "must be false throughout for a log to be a demonstration"
-        raise InputError(path, "contact", expected, f"contact at {times[np.flatnonzero(contact)[0]]:g} s")
     score = None
     if score_column is not None:
         (score,) = _column_scores(path, table, [np.arange(table.num_rows)], score_column)
     weight = _column(path, table, "human_weight") if "human_weight" in table.column_names else None
     return Demonstration(
-        times=times,
+        times=_column(path, table, "t"),
         positions=np.stack([_column(path, table, name) for name in names], axis=-1),
         yaws=_column(path, table, "yaw") if "yaw" in table.column_names else None,
         position_names=names,

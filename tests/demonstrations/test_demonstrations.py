@@ -12,6 +12,7 @@ from drake_shared.common.files import sha256_of
 from drake_shared.demonstrations import (
     Demonstration,
     Demonstrations,
+    check_units,
     demonstration_weights,
     load_scorer,
     read_demonstrations,
@@ -109,6 +110,30 @@ def test_logs_qualify_if_the_goal_was_reached_without_contact(tmp_path, options,
         read_demonstrations(write_log(tmp_path / "log.parquet", **options))
 
 
+def test_logs_of_failed_trials_can_be_left_out(tmp_path):
+    for index, options in enumerate(({"status": "timeout"}, {}, {"contact": True})):
+        write_log(tmp_path / f"{index}.parquet", **options)
+    failed = []
+    read = read_demonstrations(tmp_path, failed=failed)
+    assert [item.provenance["file"] for item in read] == [str(tmp_path / "1.parquet")]
+    assert [error.field for error in failed] == ["status", "contact"]
+    with pytest.raises(InputError) as caught:
+        read_demonstrations(tmp_path / "0.parquet", failed=[])
+    assert caught.value.field == "status"
+
+
+def test_a_folder_stands_for_the_parquet_files_in_it(tmp_path):
+    for name in ("b", "a"):
+        write(tmp_path / f"{name}.parquet", columns())
+    (tmp_path / "notes.txt").write_text("none")
+    read = read_demonstrations(tmp_path)
+    assert [item.provenance["file"] for item in read] == [str(tmp_path / f"{name}.parquet") for name in "ab"]
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError) as caught:
+        read_demonstrations(tmp_path / "empty")
+    assert caught.value.source == str(tmp_path / "empty")
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -119,6 +144,8 @@ def test_logs_qualify_if_the_goal_was_reached_without_contact(tmp_path, options,
         ({"t": np.array([0.0, 1.0, 1.0, 2.0])}, "t must increase, got 1 then 1 at point 2"),
         ({"t": np.array([0.0, np.nan, 1.0, 2.0])}, "t must be finite"),
         ({"x": np.array(["a", "b", "c", "d"])}, "x must hold numbers, got"),
+        ({"x": np.array([True, False, True, True])}, "x must hold numbers, got"),
+        ({"demonstration": np.array([0.0, 0.0, 0.5, 0.5])}, "demonstration must be a whole number"),
         ({"demonstration": np.array([0, 1, 1, 1])}, "demonstration 0: t must hold at least 2 points"),
     ],
 )
@@ -160,6 +187,8 @@ def test_missing_empty_and_foreign_files_are_refused(tmp_path):
         ),
         ({"format": "drake_shared.demonstrations", "version": 1, "scores": [1, 2]}, "scores must have one"),
         ({"format": "drake_shared.demonstrations", "version": 1, "scores": ["a"]}, "scores must be"),
+        ({"format": "drake_shared.demonstrations", "version": 1, "scores": [10**350]}, "scores must be"),
+        ({"format": "drake_shared.demonstrations", "version": 1, "scores": [float("inf")]}, "scores must be"),
     ],
 )
 def test_metadata_must_fit(tmp_path, metadata, message):
@@ -316,3 +345,26 @@ def test_a_file_without_metadata_may_have_a_z(tmp_path):
 def test_demonstrations_of_different_coordinates_are_refused(tmp_path):
     with pytest.raises(InputError, match="coordinates"):
         Demonstrations(items=(task(1.0, 2)[0], task(1.0, 3)[0]))
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+@pytest.mark.parametrize("pace", [0.5, 3.0])
+def test_times_in_another_unit_than_seconds_are_refused(unit, factor, pace):
+    times = pace * np.linspace(0.0, 9.0, 5)
+    positions = np.linspace([0.0, 0.0], [4.0, 1.0], 5)
+    item = Demonstration(times=times, positions=positions)
+    check_units(Demonstrations(items=(item,)), duration=9.0, extent=5.0)
+    wrong = Demonstration(times=factor * times, positions=positions)
+    with pytest.raises(InputError, match=rf"in {unit}\b") as caught:
+        check_units(Demonstrations(items=(item, wrong)), duration=9.0, extent=5.0)
+    assert caught.value.field == "t"
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("cm", 1e2), ("mm", 1e3)])
+def test_positions_in_another_unit_than_metres_are_refused(unit, factor):
+    times = np.linspace(0.0, 9.0, 5)
+    positions = factor * np.linspace([0.0, 0.0], [4.0, 1.0], 5)
+    wrong = Demonstrations(items=(Demonstration(times=times, positions=positions),))
+    with pytest.raises(InputError, match=rf"in {unit}\b") as caught:
+        check_units(wrong, duration=9.0, extent=5.0)
+    assert caught.value.field == "x, y"
