@@ -1,1 +1,1 @@
-"""Computing times compared with alternatives: six groups of ratios, each measured within one run."""
+"""Computing times compared with alternatives: groups of ratios, each measured within one run."""

@@ -20,6 +20,7 @@ GROUPS = {
     "predict": "predict",
     "trial": "trial",
     "training": "training",
+    "together": "together",
     "batch": "batch",
     "lockstep": "lockstep",
     "many": "many_trials",

@@ -27,6 +27,7 @@ def every_group(monkeypatch):
         },
         "batch": {"details": {"memory": memory, "trials_per_second": rates}},
         "lockstep": {},
+        "together": {},
         "growth": {"curves": [curve]},
         "safety": {},
     }
