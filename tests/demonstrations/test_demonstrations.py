@@ -102,7 +102,7 @@ def test_files_follow_one_another_and_logs_are_demonstrations(tmp_path):
     [
         ({"status": "timeout"}, r'status must be "reached".*got \'timeout\''),
         ({"contact": True}, "contact must be false throughout.*got contact at 1 s"),
-        ({"version": 2}, "version must be at most 1.*got 2"),
+        ({"version": 3}, "version must be at most 2.*got 3"),
     ],
 )
 def test_logs_qualify_if_the_goal_was_reached_without_contact(tmp_path, options, message):
