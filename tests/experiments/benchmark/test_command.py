@@ -28,6 +28,7 @@ def every_group(monkeypatch):
         "batch": {"details": {"memory": memory, "trials_per_second": rates}},
         "lockstep": {},
         "together": {},
+        "many": {},
         "growth": {"curves": [curve]},
         "safety": {},
     }
