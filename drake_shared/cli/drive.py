@@ -20,6 +20,9 @@ class Drive(PageOptions, LearnerOptions):
     registered one by its name."""
     assist: bool = True
     """Whether the agent shares the control at first; the page can switch it."""
+    route: str = "free"
+    """Route that the person is asked to drive, drawn on the page: its name, "ask" (before each drive) or
+    "free". Logs carry it."""
     record: Path = Path("logs")
     """Folder for the logs, one a trial."""
 
@@ -41,6 +44,7 @@ class Drive(PageOptions, LearnerOptions):
             config=self.control,
             operator=self.operator,
             assist=self.assist,
+            route=self.route,
             record=self.record,
             **self.page(),
         )

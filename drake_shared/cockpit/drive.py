@@ -19,6 +19,7 @@ from drake_shared.cockpit.driver_lock import DriverLock
 from drake_shared.cockpit.meshcat_proxy import start_meshcat
 from drake_shared.cockpit.server import DEFAULT_PORT, CockpitServer
 from drake_shared.cockpit.session import Session
+from drake_shared.cockpit.trial_choices import FREE, TrialChoices
 from drake_shared.common.console import say
 from drake_shared.common.errors import DrakeSharedError, InputError
 from drake_shared.common.files import check_writable
@@ -45,6 +46,7 @@ def drive(
     *,
     operator: str = "mouse",
     assist: bool = True,
+    route: str = FREE,
     config: SharedControlConfig | None = None,
     record: str | os.PathLike[str] | None = None,
     host: str = "127.0.0.1",
@@ -66,6 +68,8 @@ def drive(
         learner: Predicts intentions; if None, the person drives alone.
         operator: "mouse" for a person at the page, "surrogate" for a simulated operator, or the name of one
             that is registered.
+        route: Name of the route that the person is asked to drive, which the page shows; "ask": the person
+            names one before each trial; "free": nobody does. Logs carry it.
         assist: Whether the agent takes part in the first trial; the page can switch it.
         config: How control is shared; if None, the one that the learner's preset names.
         record: Folder for the logs; if None, nothing is saved.
@@ -85,6 +89,7 @@ def drive(
         learner,
         operator=operator,
         assist=assist,
+        route=route,
         config=config,
         record=record,
         host=host,
@@ -110,6 +115,7 @@ def open_session(
     *,
     operator: str | Callable[[DriverLock], LeafSystem] = "mouse",
     assist: bool = True,
+    route: str = FREE,
     config: SharedControlConfig | None = None,
     record: str | os.PathLike[str] | None = None,
     host: str = "127.0.0.1",
@@ -127,7 +133,7 @@ def open_session(
     context manager and the session's ``run`` must be used in the same thread, as Meshcat requires.
 
     Args:
-        scenario, learner, assist, config, record, host, port, allowed_hosts, proxy, keep_logs, on_trial:
+        scenario, learner, assist, route, config, record, host, port, allowed_hosts, proxy, keep_logs, on_trial:
             See :func:`drive`.
         operator: As for :func:`drive`, or a function that returns the operator: a LeafSystem with a vector
             output port ``human_command``, in wheel speeds [rad/s], that has no direct feedthrough. The
@@ -153,6 +159,7 @@ def open_session(
         check_writable(record)
         _recover(Path(record), report)
     assisted = assist and learner is not None and (config is None or config.driver != "human")
+    choices = TrialChoices(scenario, learner, config, route=route)
     driver_lock = DriverLock(enabled=operator != "surrogate", assist=assisted)
     meshcat = start_meshcat()
     server = CockpitServer(
@@ -164,21 +171,28 @@ def open_session(
         proxy=proxy,
     )
     with server, _low_latency():
-        if operator == "mouse":
-            system: LeafSystem | None = MouseInput(robot=scenario.robot, source=driver_lock)
-        else:
-            system = operator(driver_lock) if callable(operator) else None
-        simulation = Simulation(
-            scenario,
-            learner=learner,
-            config=config,
-            operator=system,
-            meshcat=meshcat,
-            show_intention=False,
-        )
-        center_scene(meshcat, scenario)
+
+        def build(chosen: TrialChoices) -> Simulation:
+            meshcat.Delete()
+            if operator == "mouse":
+                system: LeafSystem | None = MouseInput(robot=chosen.scenario.robot, source=driver_lock)
+            else:
+                system = operator(driver_lock) if callable(operator) else None
+            simulation = Simulation(
+                chosen.scenario,
+                learner=chosen.learner,
+                config=chosen.config,
+                operator=system,
+                meshcat=meshcat,
+                show_intention=False,
+            )
+            center_scene(meshcat, chosen.scenario)
+            return simulation
+
         yield Session(
-            simulation=simulation,
+            simulation=build(choices),
+            choices=choices,
+            rebuild=build if operator == "mouse" or callable(operator) else None,
             server=server,
             interrupted=interrupted or threading.Event(),
             record=None if record is None else Path(record),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import threading
 import time
 from collections.abc import Callable
 
-from drake_shared.cockpit.messages import Brake, Move
+from drake_shared.cockpit.messages import Brake, Move, Request
 from drake_shared.systems.mouse_input import MouseSample, StickSettings
 
 LOST_AFTER = 2.0
@@ -19,6 +20,7 @@ LOST = "page_closed"
 """Reason for the end of an engagement: the driver's page was closed, reloaded or stopped sending."""
 
 _KEPT_REASONS = 16
+_KEPT_REQUESTS = 16
 
 
 class DriverLock:
@@ -55,6 +57,7 @@ class DriverLock:
         self._sample = MouseSample()
         self._assist = assist
         self._paused = False
+        self._requests: collections.deque[Request] = collections.deque(maxlen=_KEPT_REQUESTS)
         self._reasons: dict[int, str] = {}
         self._listeners: list[Callable[[], None]] = []
 
@@ -189,6 +192,18 @@ class DriverLock:
             self._assist = on
         self._notify()
         return True
+
+    def request(self, page: int, request: Request) -> bool:
+        """Queues what the session does between trials. Returns False if another page holds the lock."""
+        with self._mutex:
+            if self._holder not in (None, page) or not self._enabled:
+                return False
+            self._requests.append(request)
+        return True
+
+    def take_request(self) -> Request | None:
+        """Returns the oldest request, which leaves the queue, or None."""
+        return self._requests.popleft() if self._requests else None
 
     def _free(self, reason: str) -> None:
         engagement = self._sample.engagement

@@ -67,10 +67,39 @@ class SetAssist:
     on: bool
 
 
-Message = Engage | Release | Move | Brake | Recentre | SetStick | SetAssist
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """Chooses what the next trials are; see `drake_shared.cockpit.trial_choices`."""
+
+    scenario: str
+    learner: str | None
+    arbitration: str
+    confidence_gain: float | None
+    route: str | None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Train:
+    """Trains a learner on the drives of this session."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Discard:
+    """Deletes the log of a drive."""
+
+    number: int
+
+
+Request = Setup | Train | Discard
+"""What the session does between trials."""
+Message = Engage | Release | Move | Brake | Recentre | SetStick | SetAssist | Request
 
 _COUNTS = (-1e9, 1e9)
 _AXIS = (-1.0, 1.0)
+_TYPES = (
+    *("move", "engage", "release", "brake", "recentre", "stick"),
+    *("assist", "setup", "train", "discard"),
+)
 
 
 def parse(text: str) -> Message:
@@ -119,7 +148,30 @@ def parse(text: str) -> Message:
     if kind == "assist":
         _check_names(fields, "on")
         return SetAssist(_flag(fields, "on"))
-    raise MessageError("type must be move, engage, release, brake, recentre, stick or assist")
+    if kind == "setup":
+        _check_names(fields, "scenario", "learner", "arbitration", "confidence_gain", "route")
+        gain = fields["confidence_gain"]
+        return Setup(
+            scenario=_name(fields, "scenario"),
+            learner=None if fields["learner"] is None else _name(fields, "learner"),
+            arbitration=_name(fields, "arbitration"),
+            confidence_gain=None if gain is None else _number(fields, "confidence_gain", 1e-6, 1e9),
+            route=None if fields["route"] is None else _name(fields, "route"),
+        )
+    if kind == "train":
+        _check_names(fields)
+        return Train()
+    if kind == "discard":
+        _check_names(fields, "number")
+        return Discard(int(_number(fields, "number", 1, 1e9)))
+    raise MessageError(f"type must be {', '.join(_TYPES)}")
+
+
+def _name(fields: dict[str, Any], name: str) -> str:
+    value = fields[name]
+    if not isinstance(value, str):
+        raise MessageError(f"{name} must be text")
+    return value
 
 
 def _reject_constant(name: str) -> None:

@@ -26,6 +26,7 @@ from drake_shared.cockpit.meshcat_proxy import MeshcatProxy
 from drake_shared.cockpit.messages import (
     MAX_BYTES,
     Brake,
+    Discard,
     Engage,
     Message,
     MessageError,
@@ -34,6 +35,8 @@ from drake_shared.cockpit.messages import (
     Release,
     SetAssist,
     SetStick,
+    Setup,
+    Train,
     parse,
 )
 from drake_shared.cockpit.rate_limiter import RateLimiter
@@ -89,6 +92,8 @@ class CockpitServer:
         self._broadcast = Broadcast()
         self.routes: tuple[web.AbstractRoute, ...] = ()
         """All routes of the running server."""
+        self.rows: Mapping[int, str] = {}
+        """Rows of past drives as JSON text, by number, which pages fetch from /drives/NUMBER."""
         self._numbers = itertools.count(1)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread: threading.Thread | None = None
@@ -202,9 +207,17 @@ class CockpitServer:
         app.on_response_prepare.append(self._access.add_headers)
         self._meshcat.add_routes(app)
         app.router.add_get("/drive", self._drive, allow_head=False)
+        app.router.add_get("/drives/{number:[0-9]{1,9}}", self._rows, allow_head=False)
         app.router.add_static("/cockpit/", Path(__file__).parent / "page")
         self.routes = tuple(app.router.routes())
         return app
+
+    async def _rows(self, request: web.Request) -> web.StreamResponse:
+        """The rows of a past drive."""
+        rows = self.rows.get(int(request.match_info["number"]))
+        if rows is None:
+            raise web.HTTPNotFound(text="There is no such drive.")
+        return web.Response(text=rows, content_type="application/json")
 
     async def _watch(self, limiter: ConnectionLimiter) -> None:
         """Takes the lock from a driver whose page no longer sends, and closes expired connections."""
@@ -273,6 +286,8 @@ class CockpitServer:
                 self.driver_lock.recentre(number)
             case SetStick(stick):
                 accepted = self.driver_lock.set_stick(number, stick)
+            case Setup() | Train() | Discard():
+                accepted = self.driver_lock.request(number, message)
             case SetAssist(on):
                 accepted = self.driver_lock.set_assist(number, on)
         if not accepted:

@@ -11,13 +11,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from drake_shared.cockpit.drive_history import DriveHistory
 from drake_shared.cockpit.driver_watch import DriverWatch
+from drake_shared.cockpit.messages import Discard, Request, Setup, Train
 from drake_shared.cockpit.page_state import StateReader, describe_result, describe_scene
 from drake_shared.cockpit.real_time import RealTime
 from drake_shared.cockpit.scene_state import SceneState
 from drake_shared.cockpit.server import CockpitServer
+from drake_shared.cockpit.trial_choices import DRIVES_TO_TRAIN, TrialChoices
 from drake_shared.cockpit.trial_recorder import TrialRecorder
-from drake_shared.common.errors import RunError
+from drake_shared.common.errors import DrakeSharedError, RunError
 from drake_shared.learners.no_learner import NoLearner
 from drake_shared.simulation.journal import INTERRUPTED
 from drake_shared.simulation.trial import RunningTrial, Simulation, Trial, TrialSettings
@@ -46,6 +49,10 @@ class Session:
         simulation: Its operator is a :class:`MouseInput` that reads ``server.driver_lock``, or any other.
         server: Serves the pages.
         interrupted: Ends the session when set.
+        choices: What the driver may choose between trials; if None, the scenario, learner and config of the
+            simulation at first.
+        rebuild: Makes the simulation of other choices, in the thread that calls :meth:`run`; if None, the
+            driver may choose no more than the route.
         record: Folder for the logs; if None, nothing is saved. Each trial is saved while it is driven.
         keep_logs: See :class:`TrialRecorder`.
         report: Called with messages for the user.
@@ -58,25 +65,29 @@ class Session:
         simulation: Simulation,
         server: CockpitServer,
         interrupted: threading.Event,
+        choices: TrialChoices | None = None,
+        rebuild: Callable[[TrialChoices], Simulation] | None = None,
         record: Path | None = None,
         keep_logs: bool = True,
         report: Callable[[str], None] = lambda _: None,
         on_trial: Callable[[Trial], bool | None] = lambda _: None,
     ) -> None:
-        self._simulation = simulation
+        self._choices = choices or TrialChoices(simulation.scenario, simulation.learner, simulation.config)
+        self._rebuild = rebuild
+        self._folder = record
+        self._history = DriveHistory(record)
+        server.rows = self._history.rows
         self.server = server
         self._driver_lock = server.driver_lock
         self._interrupted = interrupted
         self._recorder = TrialRecorder(record, keep_logs=keep_logs)
         self._report = report
         self._on_trial = on_trial
-        self._state_reader = StateReader(simulation)
-        self._scene_state = SceneState(simulation)
         self.phase = "starting"
         """The phase that pages show: starting, ready, armed, driving, stopping, finished or ended."""
         self._number = 0
         self._failures = 0
-        self._no_learner = NoLearner(simulation.scenario.duration)
+        self._use(simulation)
         self._result: dict[str, Any] | None = None
         self._finished = False
         self._started = datetime.datetime.now().astimezone()
@@ -84,16 +95,7 @@ class Session:
 
     def run(self) -> None:
         """Runs trials one after another."""
-        simulation = self._simulation
-        self.server.publish(
-            "scene",
-            describe_scene(
-                simulation.scenario,
-                simulation.parts.operator,
-                simulation.learner,
-                simulation.config.feedback,
-            ),
-        )
+        self._publish_scene()
         self._begin()
         self._publish_phase("ready")
         if self._has_driver:
@@ -106,6 +108,67 @@ class Session:
                 self._run_watched_trial(seed)
                 self._interrupted.wait(_PAUSE)
         self._publish_phase("ended")
+
+    def _use(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._state_reader = StateReader(simulation)
+        self._scene_state = SceneState(simulation)
+        self._no_learner = NoLearner(simulation.scenario.duration)
+
+    def _publish_scene(self) -> None:
+        simulation = self._simulation
+        operator, feedback = simulation.parts.operator, simulation.config.feedback
+        described = describe_scene(simulation.scenario, operator, simulation.learner, feedback)
+        self.server.publish("scene", described)
+        self._publish_choices()
+
+    def _publish_choices(self) -> None:
+        if self._has_driver:
+            drives = len(self._history.usable(self._simulation.scenario.name))
+            described = self._choices.describe(usable_drives=drives)
+            self.server.publish("setup", described | {"fixed": self._rebuild is None})
+            self.server.publish("history", self._history.describe())
+
+    def _answer(self, request: Request) -> None:
+        """Does what a page asked for between trials."""
+        match request:
+            case Discard(number):
+                if (name := self._history.discard(number)) is not None:
+                    self._report(f"Deleted {name}")
+            case Setup() if self._choices.choose(request) and self._rebuild is not None:
+                self._change_simulation()
+            case Train() if self._rebuild is not None:
+                self._train()
+        self._publish_choices()
+
+    def _train(self) -> None:
+        drives = self._history.usable(self._simulation.scenario.name)
+        if len(drives) < DRIVES_TO_TRAIN:
+            return
+        self._publish_phase("training")
+        try:
+            learner = self._choices.train(drives, self._folder)
+        except DrakeSharedError as error:
+            self._choices.error = str(error)
+            self._publish_phase("ready")
+            return
+        self._report(f"Trained a learner ({learner.name}) on {len(drives)} drives")
+        self._driver_lock.set_assist(self._driver_lock.holder or 0, True)
+        self._change_simulation()
+
+    def _change_simulation(self) -> None:
+        assert self._rebuild is not None
+        try:
+            simulation = self._rebuild(self._choices)
+        except DrakeSharedError as error:
+            self._choices.error = str(error)
+            return
+        self._failures = 0
+        self._result = None
+        self._use(simulation)
+        self._publish_scene()
+        self._begin()
+        self._publish_phase("ready")
 
     @property
     def _over(self) -> bool:
@@ -148,13 +211,17 @@ class Session:
                     if connected
                     else f"Waiting for a browser at {self.server.address}"
                 )
+            while (request := self._driver_lock.take_request()) is not None:
+                self._answer(request)
             sample = self._driver_lock.latest()
             if sample.engaged:
-                return sample.engagement
+                if not self._choices.needs_route:
+                    return sample.engagement
+                self._driver_lock.revoke("over")
         return None
 
     def _run_driven_trial(self, engagement: int) -> None:
-        running = self._begin()
+        running = self._begin(route=self._choices.route)
         driver = DriverWatch(self._driver_lock, engagement, running, self._interrupted)
         self._result = None
         self._publish_phase("armed", running)
@@ -226,12 +293,15 @@ class Session:
             described["failure"] = failure
         trial = running.finish(status, **described)
         saved, error, self._finished = self._recorder.finish(trial, self._on_trial)
-        self.server.publish("trail", self._scene_state.whole_trail())
-        self._result = describe_result(trial, saved, error)
-        text = f"Trial {self._number}: {status} after {self._result['time']:.2f} s"
+        text = f"Trial {self._number}: {status} after {trial['t'][-1]:.2f} s"
         text += f" ({failure})" if failure else ""
         text += f"; not saved: {error}" if error else f", saved as {saved}" if saved else ""
         self._report(text)
+        self.server.publish("trail", self._scene_state.whole_trail())
+        self._result = describe_result(trial, saved, error) | {"number": self._number}
+        self._history.add(self._number, self._result, trial)
+        self._choices.next_trial()
+        self._publish_choices()
         self._publish_phase("finished", running)
         # No trial runs now, and connections that were aborted leave large reference cycles.
         gc.collect()

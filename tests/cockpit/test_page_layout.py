@@ -7,8 +7,11 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 from drake_shared.cockpit import CockpitServer, DriverLock, describe_now, describe_scene, start_meshcat
+from drake_shared.cockpit.drive_history import DriveHistory
+from drake_shared.cockpit.messages import Discard, Setup, Train
 from drake_shared.cockpit.page_state import describe_result
 from drake_shared.cockpit.reasons import Reason, Surroundings
+from drake_shared.cockpit.trial_choices import TrialChoices
 from drake_shared.learners import load_learner
 from drake_shared.scenario import load_scenario
 from drake_shared.systems.mouse_input import MouseInput
@@ -54,7 +57,7 @@ FAULTS = """() => {
     if (part.id === "stage") return;
     for (const child of [...part.querySelectorAll("*")].filter(seen)) {
       if (child.closest("svg") && child.tagName !== "svg") continue;
-      if (child.closest(".switch .track, .hidden-text, #touch-stick")) continue;
+      if (child.closest(".switch .track, .hidden-text, #touch-stick, thead")) continue;
       const c = box(child);
       if (c.right > a.right + 0.5 || c.bottom > a.bottom + 0.5 || c.left < a.left - 0.5) {
         faults.push(`${name(part)}: ${name(child)} sticks out`);
@@ -129,7 +132,8 @@ NOW = {
 class Stage:
     """A server without a simulation, on which the test sets what the page shows."""
 
-    def __init__(self, server: CockpitServer, scenario, result, until):
+    def __init__(self, server: CockpitServer, scenario, trial, until):
+        result = describe_result(trial, "two_obstacles_20260101-120000_001.parquet", None) | {"number": 2}
         self._server = server
         self.driver_lock = server.driver_lock
         self.until = until
@@ -137,6 +141,13 @@ class Stage:
         self.address = server.address
         mouse = MouseInput(robot=scenario.robot, source=server.driver_lock)
         server.publish("scene", describe_scene(scenario, mouse, load_learner("two_obstacles")))
+        choices = TrialChoices(scenario, load_learner("two_obstacles"))
+        server.publish("setup", choices.describe(usable_drives=3) | {"fixed": False})
+        self._history = DriveHistory(None)
+        server.rows = self._history.rows
+        for number, mode in ((1, "human"), (2, "shared")):
+            self._history.add(number, result | {"number": number, "mode": mode}, trial)
+        server.publish("history", self._history.describe())
         self.set_phase("ready")
 
     def set_phase(self, phase: str):
@@ -154,8 +165,7 @@ def stage(human_trial, until):
     # axe-core blocks the page for seconds, in which it sends no heartbeat.
     lock = DriverLock(lost_after=1e3)
     with CockpitServer(meshcat_url=meshcat.web_url(), driver_lock=lock, port=0) as server:
-        result = describe_result(human_trial, "two_obstacles_20260101-120000_001.parquet", None)
-        yield Stage(server, load_scenario("two_obstacles"), result, until)
+        yield Stage(server, load_scenario("two_obstacles"), human_trial, until)
 
 
 @pytest.fixture
@@ -212,6 +222,48 @@ def test_every_reason_has_a_sentence_for_driver_and_watcher(page, stage, watchin
             assert not re.search(r"\b[Yy]ou", text)
         said.add(text)
     assert len(said) == len(get_args(Reason))
+
+
+def test_the_page_asks_for_other_trials_a_learner_and_the_end_of_a_drive(page, stage):
+    def requests():
+        found = []
+        while (request := stage.driver_lock.take_request()) is not None:
+            found.append(request)
+        return found
+
+    page.click("#intro-skip")
+    page.click("#tab-setup")
+    page.select_option("#choice-route", "left_right")
+    page.select_option("#choice-arbitration", "halves")
+    page.fill("#choice-confidence_gain", "12.5")
+    page.click("#train")
+    page.click("#tab-history")
+    page.click("button[aria-label='Delete drive 1']")
+    asked = []
+    stage.until(lambda: asked.extend(requests()) or Discard(1) in asked, "the requests")
+    assert Train() in asked
+    last = [request for request in asked if isinstance(request, Setup)][-1]
+    assert (last.scenario, last.learner, last.route) == (
+        "two_obstacles",
+        "two_obstacles_default",
+        "left_right",
+    )
+    assert (last.arbitration, last.confidence_gain) == ("halves", 12.5)
+
+
+def test_two_drives_are_replayed_beside_each_other(page):
+    page.click("#intro-skip")
+    page.click("#tab-history")
+    page.wait_for_selector("#replay-time")
+    assert page.locator(".replay figure").count() == 2
+    robots = page.locator(".replay .robot")
+    end = robots.first.get_attribute("cx")
+    page.fill("#replay-time", "0")
+    assert robots.first.get_attribute("cx") != end
+    page.click("#replay-play")
+    page.wait_for_function("() => Number(document.querySelector('#replay-time').value) > 0.2")
+    page.uncheck("#compare-1")
+    page.wait_for_function("() => document.querySelectorAll('.replay figure').length === 1")
 
 
 def test_a_touch_stick_drives_and_springs_back(browser, stage):

@@ -1,5 +1,6 @@
 """Trials in real time without a browser: how they start, end and are saved."""
 
+import dataclasses
 import itertools
 import os
 import shutil
@@ -12,10 +13,11 @@ import time
 import numpy as np
 import pytest
 
+from drake_shared.analysis.metrics import metrics
 from drake_shared.arbitration.authority import Authority
 from drake_shared.cockpit import drive, open_session
 from drake_shared.cockpit.driver_lock import LOST, RELEASED
-from drake_shared.cockpit.messages import Move
+from drake_shared.cockpit.messages import Move, Setup
 from drake_shared.common.errors import InputError
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.trial import read_log
@@ -277,7 +279,7 @@ class FailingLearner:
 
 
 def test_after_a_failure_of_the_learner_the_trial_is_saved_and_the_driver_goes_on(
-    start_cockpit, long_floor, route_learner
+    start_cockpit, long_floor, route_learner, until
 ):
     learner = FailingLearner(route_learner(long_floor, clock="time"), fail_at=2.0)
     cockpit = start_cockpit(long_floor, learner)
@@ -290,7 +292,8 @@ def test_after_a_failure_of_the_learner_the_trial_is_saved_and_the_driver_goes_o
         assert trial["t"][-1] == pytest.approx(1.95)
         assert learner.name in trial.metadata["failure"]
         assert "2.0" in trial.metadata["failure"]
-        assert sum(learner.name in message for message in cockpit.messages) == number
+        # The report follows the end of the trial.
+        until(lambda n=number: sum(learner.name in m for m in cockpit.messages) == n, "the report")
     assert not cockpit.driver_lock.assist
     cockpit.mouse.readings.clear()
     with Driver(cockpit.driver_lock) as driver:
@@ -317,7 +320,7 @@ def test_a_learner_that_fails_at_once_leaves_the_human_alone(start_cockpit, shor
     assert (trial.status, trial.metadata["mode"]) == ("reached", "human")
 
 
-def test_a_full_disk_does_not_end_the_session(start_cockpit, short_floor):
+def test_a_full_disk_does_not_end_the_session(start_cockpit, short_floor, until):
     cockpit = start_cockpit(short_floor)
     cockpit.record.rmdir()
     cockpit.record.write_text("a file where the folder was")
@@ -325,7 +328,7 @@ def test_a_full_disk_does_not_end_the_session(start_cockpit, short_floor):
         with Driver(cockpit.driver_lock) as driver:
             driver.push(forward=1.0)
             cockpit.next_trial(number)
-    assert sum("not saved" in message for message in cockpit.messages) == 2
+    until(lambda: sum("not saved" in message for message in cockpit.messages) == 2, "the reports")
 
 
 def test_the_address_is_reported_while_no_page_is_connected(start_cockpit, short_floor, until):
@@ -432,3 +435,40 @@ def test_a_folder_that_vanishes_is_made_again(start_cockpit, short_floor):
         cockpit.next_trial()
     (path,) = cockpit.record.iterdir()
     assert read_log(path).status == "reached"
+
+
+def test_choices_of_the_page_take_effect_and_logs_carry_the_route(start_cockpit, short_floor, until):
+    cockpit = start_cockpit(short_floor)
+    lock = cockpit.driver_lock
+    until(lambda: cockpit.session.phase == "ready", "the session")
+    setup = Setup(
+        scenario="two_obstacles", learner=None, arbitration="blend", confidence_gain=None, route="left_right"
+    )
+    assert lock.request(1, setup)
+    assert lock.request(1, dataclasses.replace(setup, scenario="short_floor", route="bent"))
+    assert lock.engage(1)
+    until(lambda: cockpit.session.phase == "armed", "the trial")
+    assert not lock.request(2, setup)
+    lock.move(1, Move(x=0.0, y=0.0, forward=1.0, turn=0.0))
+    until(lambda: cockpit.session.phase == "driving", "the drive")
+    lock.release(1)
+    trial = cockpit.next_trial()
+    assert trial.metadata["route"] == "bent"
+    assert trial.metadata["scenario"]["name"] == "short_floor"
+    assert metrics(trial)["intent_success"] is False  # It was stopped before the goal.
+
+
+def test_the_driver_names_a_route_before_each_drive(start_cockpit, short_floor, until):
+    cockpit = start_cockpit(short_floor, route="ask")
+    lock = cockpit.driver_lock
+    until(lambda: cockpit.session.phase == "ready", "the session")
+    assert lock.engage(1)
+    until(lambda: lock.holder is None, "the refusal")
+    assert cockpit.session.phase == "ready"
+    lock.request(
+        1,
+        Setup(scenario="short_floor", learner=None, arbitration="blend", confidence_gain=None, route="bent"),
+    )
+    assert lock.engage(1)
+    until(lambda: cockpit.session.phase == "armed", "the trial")
+    lock.release(1)

@@ -11,6 +11,7 @@ export class FloorMap {
   #paths = svg("g");
   #marks = svg("g");
   #obstacles = [];
+  #robot = null;
 
   // `label` is read out in place of the drawing.
   constructor(scene, label) {
@@ -42,9 +43,22 @@ export class FloorMap {
     if (contact) this.#marks.append(this.#cross(contact.slice(1, 3)));
   }
 
-  addRoute(route) {
+  addRoute(route, chosen = true) {
     const line = route.path.map((point) => this.at(point).join(" ")).join("L");
-    this.#paths.append(svg("path", { class: "instructed", d: `M${line}`, "stroke-width": 0.9 * this.#unit }));
+    const className = chosen ? "instructed chosen" : "instructed";
+    this.#paths.append(svg("path", { class: className, d: `M${line}`, "stroke-width": (chosen ? 1.1 : 0.5) * this.#unit }));
+  }
+
+  // Shows where the robot was at a time, in s.
+  showRobot(rows, time) {
+    const row = rows.findLast(([t, x]) => t <= time + 1e-6 && x !== null);
+    this.#robot ??= this.element.appendChild(svg("circle", { class: "robot", r: this.#scene.robot_radius }));
+    this.#robot.style.display = row ? "" : "none";
+    if (!row) return;
+    const [x, y] = this.at(row.slice(1, 3));
+    this.#robot.setAttribute("cx", x);
+    this.#robot.setAttribute("cy", y);
+    this.showObstacles(time);
   }
 
   clear() {

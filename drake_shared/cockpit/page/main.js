@@ -3,12 +3,14 @@
 import { Axes } from "./axes.js";
 import { Connection } from "./connection.js";
 import { Feedback } from "./feedback.js";
+import { History } from "./history.js";
 import { Intro } from "./intro.js";
 import { Mouse } from "./mouse.js";
 import { Panel } from "./panel.js";
 import { showResult } from "./review.js";
 import { Scene } from "./scene.js";
 import { Settings } from "./settings.js";
+import { SetupPanel } from "./setup_panel.js";
 import { Tabs } from "./tabs.js";
 import { TouchStick } from "./touch.js";
 
@@ -33,6 +35,9 @@ const feedback = new Feedback();
 const touch = new TouchStick(at("touch-stick"));
 const connection = new Connection("/drive");
 const settings = new Settings((message) => connection.send(message));
+const setup = new SetupPanel(at("panel-setup"), (message) => connection.send(message));
+const history = new History(at("panel-history"), (message) => connection.send(message));
+tabs.onShow = (id) => (id === "panel-history" ? history.open() : history.stop());
 let engaged = false;
 let closing = false;
 let task = null;
@@ -117,12 +122,24 @@ connection.on("scene", (message) => {
   panel.setScene(message);
   feedback.setScene(message);
   settings.setScene(message);
+  setup.setScene(message);
+  history.setScene(message);
   tabs.setAvailable("panel-stick", message.driven);
 });
 connection.on("seat", (message) => {
   // The driver lock was refused, or the trial is over: free the mouse.
   if (message.state !== "yours" && engaged && (message.refused || panel.mine)) release();
   panel.setLock(message);
+});
+connection.on("setup", (message) => {
+  panel.setNeedsRoute(message.needs_route);
+  setup.show(message);
+  scene.setGhost(task?.routes.find(({ name }) => name === message.route)?.path ?? []);
+  tabs.setAvailable("panel-setup", true);
+});
+connection.on("history", (message) => {
+  history.show(message);
+  tabs.setAvailable("panel-history", message.drives.length > 0);
 });
 connection.on("settings", (message) => settings.show(message));
 let driven = false; // Whether a trial runs, whose way the scene draws.
@@ -131,9 +148,11 @@ connection.on("trial", (message) => {
   panel.setTrial(message);
   tabs.setAvailable("panel-result", message.result !== null);
   if (message.result && task) {
-    showResult(message.result, task);
-    tabs.show("panel-result");
-  }
+    showResult(message.result, task, {
+      onDiscard: () => connection.send({ type: "discard", number: message.result.number }),
+    });
+    if (message.phase === "finished") tabs.show("panel-result");
+  } else if (message.phase === "ready") tabs.show("panel-setup");
 });
 connection.on("now", (message) => {
   panel.setNow(message);

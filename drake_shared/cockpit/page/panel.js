@@ -22,6 +22,7 @@ export class Panel {
   #result = null;
   #now = null;
   #level = "human";
+  #needsRoute = false;
   #said = { reason: null, until: 0 };
   #sayLater = null;
   #stick = new StickPlot(at("stick-plot"));
@@ -78,6 +79,12 @@ export class Panel {
     at("pause").setAttribute("aria-pressed", String(paused));
     at("pause").textContent = paused ? "Go on (P)" : "Pause (P)";
     if (this.#now) this.#sayWhy(this.#now);
+    this.#update();
+  }
+
+  // Whether the driver must name a route first.
+  setNeedsRoute(needed) {
+    this.#needsRoute = needed;
     this.#update();
   }
 
@@ -163,7 +170,7 @@ export class Panel {
     at("drive").textContent = mine ? "Stop (Esc)" : this.#result ? "Drive again" : "Drive";
     at("drive").classList.toggle("stop", mine);
     const free = this.lockState === "free" && ["ready", "finished"].includes(phase);
-    at("drive").disabled = !this.#connected || !(mine || free);
+    at("drive").disabled = !this.#connected || !(mine || (free && !this.#needsRoute));
     at("drive").hidden = !driven;
     at("pause").disabled = at("recentre").disabled = !mine;
     at("hint").textContent = this.#hint(phase);
@@ -186,6 +193,7 @@ export class Panel {
       case "training":
         return "Learning from your drives…";
       case "ready":
+        if (this.#needsRoute) return "Choose a route to drive.";
         return driven ? "Ready. Click Drive, then move." : "About to start.";
       case "armed":
         if (watching) return "Someone else has the controls. You are watching.";
@@ -198,6 +206,7 @@ export class Panel {
       case "stopping":
         return "Braking.";
       case "finished":
+        if (this.#needsRoute) return "Choose a route to drive.";
         return driven ? "Click Drive again for another trial." : "The next trial follows.";
       case "ended":
         return "The program has ended. This page comes back when it runs again.";

@@ -7,7 +7,7 @@ import { html } from "./svg.js";
 
 const at = (id) => document.getElementById(id);
 
-export function showResult(result, scene) {
+export function showResult(result, scene, { onDiscard }) {
   at("outcome").textContent = outcomeOf(result);
   at("outcome").dataset.outcome = result.collision ? "collided" : result.status;
   at("assistance-used").textContent = assistanceOf(result);
@@ -26,6 +26,13 @@ export function showResult(result, scene) {
   if (route) map.addRoute(route);
   map.addPath(rows, result.mode === "human" ? "human" : "shared");
   at("result-map").replaceChildren(map.element, html("figcaption", {}, "The way driven; a cross marks contact"));
+  at("discard").hidden = !result.number;
+  at("discard").disabled = false;
+  at("discard").onclick = () => {
+    onDiscard();
+    at("discard").disabled = true;
+    at("saved").textContent = "Deleted";
+  };
   const saved = result.trouble ?? (result.saved ? `Saved as ${result.saved}` : "");
   at("saved").textContent = [result.failure, saved].filter(Boolean).join(". ");
   at("saved").classList.toggle("trouble", Boolean(result.trouble || result.failure));
