@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 
 from aiohttp import web
 
+from drake_shared.cockpit.key_page import key_page
 from drake_shared.common.errors import InputError
 
 _LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
@@ -78,7 +79,7 @@ class Access:
         key = request.query.get("k")
         if key is not None and request.path == "/":
             if not self._is_token(key):
-                raise web.HTTPForbidden(text=_BAD_KEY)
+                raise key_page(_BAD_KEY)
             response = web.HTTPSeeOther("/")
             response.set_cookie(
                 _cookie_name(request),
@@ -91,7 +92,7 @@ class Access:
             )
             raise response
         if not self._is_token(request.cookies.get(_cookie_name(request), "")):
-            raise web.HTTPForbidden(text=_BAD_KEY)
+            raise key_page(_BAD_KEY)
         return await handler(request)
 
     @staticmethod

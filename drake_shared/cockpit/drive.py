@@ -19,6 +19,7 @@ from drake_shared.cockpit.driver_lock import DriverLock
 from drake_shared.cockpit.meshcat_proxy import start_meshcat
 from drake_shared.cockpit.server import DEFAULT_PORT, CockpitServer
 from drake_shared.cockpit.session import Session
+from drake_shared.cockpit.stored_key import stored_key
 from drake_shared.cockpit.trial_choices import FREE, TrialChoices
 from drake_shared.common.console import say
 from drake_shared.common.errors import DrakeSharedError, InputError
@@ -74,7 +75,8 @@ def drive(
         config: How control is shared; if None, the one that the learner's preset names.
         record: Folder for the logs; if None, nothing is saved.
         host: Address to listen on.
-        port: Port to listen on; 0 takes any free port.
+        port: Port to listen on; 0 takes any free port. The key of another port is that of the last session on
+            it, if that is at most 12 hours old, so that pages that are still open come back.
         allowed_hosts, proxy: See :class:`CockpitServer`.
         open_browser: Whether to open the page in this computer's browser, if it has a display.
         keep_logs: False removes the log of each trial at its end, after ``on_trial`` has saved it elsewhere.
@@ -96,6 +98,7 @@ def drive(
         port=port,
         allowed_hosts=allowed_hosts,
         proxy=proxy,
+        token=stored_key(port),
         interrupted=interrupted,
         keep_logs=keep_logs,
         on_trial=on_trial,
@@ -122,6 +125,7 @@ def open_session(
     port: int = 0,
     allowed_hosts: Collection[str] = (),
     proxy: str | None = None,
+    token: str | None = None,
     interrupted: threading.Event | None = None,
     keep_logs: bool = True,
     report: Callable[[str], None] = say,
@@ -133,13 +137,14 @@ def open_session(
     context manager and the session's ``run`` must be used in the same thread, as Meshcat requires.
 
     Args:
-        scenario, learner, assist, route, config, record, host, port, allowed_hosts, proxy, keep_logs, on_trial:
-            See :func:`drive`.
+        scenario, learner, assist, route, config, record, host, port, allowed_hosts, proxy, keep_logs,
+            on_trial: See :func:`drive`.
         operator: As for :func:`drive`, or a function that returns the operator: a LeafSystem with a vector
             output port ``human_command``, in wheel speeds [rad/s], that has no direct feedthrough. The
             function is called once with the :class:`DriverLock`, whose ``latest()`` is the newest sample
             of the page. A subclass of MouseInput is driven from the page, trial by trial; with any other
             operator trials follow one another, and the pages watch.
+        token: The key in the page's address; random if None.
         interrupted: Ends the session when set, from any thread.
         report: Called with messages for the user.
 
@@ -169,6 +174,7 @@ def open_session(
         port=port,
         allowed_hosts=allowed_hosts,
         proxy=proxy,
+        token=token,
     )
     with server, _low_latency():
 

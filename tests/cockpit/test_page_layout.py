@@ -315,3 +315,59 @@ def test_the_keyboard_alone_suffices(browser_context, cockpit):
     page.wait_for_selector("#deck[data-phase=armed]")
     page.keyboard.down("ArrowUp")
     assert cockpit.next_trial().status == "reached"
+
+
+# A browser without WebGL and without pointer lock.
+PLAIN_BROWSER = """
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...options) {
+  return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...options);
+};
+delete Element.prototype.requestPointerLock;
+"""
+
+
+def test_without_webgl_and_pointer_lock_one_drives_on_a_flat_drawing(browser_context, stage):
+    stage.set_phase("ready")
+    page = browser_context.new_page()
+    page.add_init_script(PLAIN_BROWSER)
+    page.goto(stage.address)
+    page.wait_for_selector("#deck[data-phase=ready]")
+    page.click("#intro-skip")
+    robot = page.locator("#flat-scene .robot")
+    before = robot.get_attribute("transform")
+    inspector = Inspector(page)
+    inspector.inspect("without WebGL")
+    assert inspector.faults == [], "\n".join(inspector.faults)
+    page.set_viewport_size({"width": 800, "height": 600})
+    page.click("#drive")
+    page.wait_for_selector("body[data-driver-lock=yours]")
+    stage.set_phase("driving")
+    stage.set_now("sure")
+    page.wait_for_selector("#why[data-reason=sure]")
+    assert robot.get_attribute("transform") != before
+    page.mouse.move(400, 300)
+    page.mouse.move(400, 250, steps=5)
+    stage.until(lambda: stage.driver_lock.latest().y < 0, "the mouse")
+    page.close()
+
+
+def test_a_page_comes_back_by_itself_when_the_server_does(browser_context, stage, start_cockpit, short_floor):
+    cockpit = start_cockpit(short_floor, token="a key that stays the same")
+    port = cockpit.session.server.port
+    page = browser_context.new_page()
+    page.goto(cockpit.address)
+    page.wait_for_selector("#deck[data-phase=ready]")
+    cockpit.stop()
+    page.wait_for_selector("body.offline")
+    assert page.is_disabled("#drive")
+    start_cockpit(short_floor, token="a key that stays the same", port=port)
+    page.wait_for_selector("body.cockpit:not(.offline) #deck[data-phase=ready]")
+    page.wait_for_selector("#drive:enabled")
+
+
+def test_a_page_without_the_key_says_what_to_do(browser_context, stage):
+    page = browser_context.new_page()
+    page.goto(stage.address.partition("?")[0])
+    assert "drake-shared printed" in page.inner_text("main")
+    assert Axe().run(page, options=AXE_OPTIONS).response["violations"] == []

@@ -27,12 +27,19 @@ export class Connection {
     socket.onclose = (event) => {
       this.#socket = null;
       this.#dispatch("close", event.reason);
+      this.#checkKey();
       setTimeout(() => this.open(), RETRY);
     };
   }
 
   send(message) {
     if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
+  }
+
+  // A websocket does not tell why it was refused.
+  async #checkKey() {
+    const answer = await fetch("/cockpit/overlay.html", { cache: "no-store" }).catch(() => null);
+    if (answer?.status === 403) this.#dispatch("refused");
   }
 
   #dispatch(type, content) {

@@ -8,6 +8,8 @@ export class FloorMap {
   #scene;
   #middle;
   #unit;
+  #instructed = svg("g");
+  #predicted = svg("g");
   #paths = svg("g");
   #marks = svg("g");
   #obstacles = [];
@@ -28,6 +30,8 @@ export class FloorMap {
       ...scene.obstacles.map((obstacle) => this.#drawObstacle(obstacle)),
       this.#circle("goal", scene.goal, scene.goal[2]),
       this.#circle("start", scene.start, 0.3 * scene.robot_radius),
+      this.#instructed,
+      this.#predicted,
       this.#paths,
       this.#marks,
     );
@@ -46,24 +50,51 @@ export class FloorMap {
   addRoute(route, chosen = true) {
     const line = route.path.map((point) => this.at(point).join(" ")).join("L");
     const className = chosen ? "instructed chosen" : "instructed";
-    this.#paths.append(svg("path", { class: className, d: `M${line}`, "stroke-width": (chosen ? 1.1 : 0.5) * this.#unit }));
+    this.#instructed.append(svg("path", { class: className, d: `M${line}`, "stroke-width": (chosen ? 1.1 : 0.5) * this.#unit }));
+  }
+
+  // Shows one instructed route alone; none for no points.
+  showInstructed(points) {
+    this.#instructed.replaceChildren();
+    if (points.length) this.addRoute({ path: points });
+  }
+
+  // Shows the routes that the agent holds possible, each with its probability.
+  showRoutes(routes) {
+    this.#predicted.replaceChildren(
+      ...routes.map(({ probability, center }) =>
+        svg("path", {
+          class: "predicted",
+          d: `M${center.map((point) => this.at(point).join(" ")).join("L")}`,
+          "stroke-opacity": 0.2 + 0.7 * probability,
+          "stroke-width": 1.6 * this.#unit,
+        }),
+      ),
+    );
+  }
+
+  showTrail(rows) {
+    this.#paths.replaceChildren();
+    this.#marks.replaceChildren();
+    this.addPath(rows, "shared");
+  }
+
+  // Shows the robot at a pose [x, y, yaw], and the obstacles at the same time, in s.
+  showPose([x, y, yaw = null], time) {
+    const radius = this.#scene.robot_radius;
+    this.#robot ??= this.element.appendChild(
+      svg("g", { class: "robot" }, svg("circle", { r: radius }), svg("path", { d: `M0 0H${radius}` })),
+    );
+    const place = `translate(${this.at([x, y]).join(" ")})`;
+    this.#robot.setAttribute("transform", yaw === null ? place : `${place} rotate(${(-180 / Math.PI) * yaw})`);
+    this.#robot.lastChild.style.display = yaw === null ? "none" : "";
+    this.showObstacles(time);
   }
 
   // Shows where the robot was at a time, in s.
   showRobot(rows, time) {
     const row = rows.findLast(([t, x]) => t <= time + 1e-6 && x !== null);
-    this.#robot ??= this.element.appendChild(svg("circle", { class: "robot", r: this.#scene.robot_radius }));
-    this.#robot.style.display = row ? "" : "none";
-    if (!row) return;
-    const [x, y] = this.at(row.slice(1, 3));
-    this.#robot.setAttribute("cx", x);
-    this.#robot.setAttribute("cy", y);
-    this.showObstacles(time);
-  }
-
-  clear() {
-    this.#paths.replaceChildren();
-    this.#marks.replaceChildren();
+    if (row) this.showPose(row.slice(1, 3), time);
   }
 
   at([x, y]) {

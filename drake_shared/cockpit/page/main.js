@@ -3,6 +3,7 @@
 import { Axes } from "./axes.js";
 import { Connection } from "./connection.js";
 import { Feedback } from "./feedback.js";
+import { FlatScene } from "./flat_scene.js";
 import { History } from "./history.js";
 import { Intro } from "./intro.js";
 import { Mouse } from "./mouse.js";
@@ -25,7 +26,8 @@ const at = (id) => document.getElementById(id);
 const pane = at("meshcat-pane");
 at("stage").prepend(pane);
 
-const scene = new Scene(window.viewer, pane);
+// Meshcat's page has no viewer where the browser has no WebGL.
+const scene = window.viewer ? new Scene(window.viewer, pane) : new FlatScene(pane);
 const panel = new Panel();
 const intro = new Intro();
 const tabs = new Tabs(at("tabs"), document.querySelectorAll("[role=tabpanel]"));
@@ -115,6 +117,7 @@ connection.on("close", (reason) => {
   release();
   panel.setConnected(false, reason);
 });
+connection.on("refused", () => panel.setRefused());
 connection.on("scene", (message) => {
   task = message;
   document.title = `drake_shared: ${message.scenario}`;

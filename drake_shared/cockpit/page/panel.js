@@ -59,6 +59,12 @@ export class Panel {
     this.#update();
   }
 
+  // The server runs again, with a key that this page does not have.
+  setRefused() {
+    this.#reason = "refused";
+    this.#update();
+  }
+
   setScene(scene) {
     this.#scene = scene;
     const parts = [scene.scenario, scene.learner ?? "no learner", scene.learner_warning];
@@ -216,6 +222,7 @@ export class Panel {
   }
 
   #lost() {
+    if (this.#reason === "refused") return "The program was started anew. Open the address that it printed.";
     if (!this.#everConnected) return "Connecting…";
     if (this.#phase === "ended" || this.#reason === "ended") {
       return "The program has ended. This page comes back when it runs again.";
