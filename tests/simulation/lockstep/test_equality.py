@@ -5,7 +5,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies
 
+from drake_shared.arbitration.authority import Authority
 from drake_shared.common.files import models_directory
 from drake_shared.demonstrations import read_demonstrations
 from drake_shared.learners import load_learner, train
@@ -208,6 +210,30 @@ def test_the_safety_filter(name):
     ]
     trials = check_equal(Simulation(scenario, config=config), settings)
     assert any((trial["safe_left"] != trial["shared_left"]).any() for trial in trials)
+
+
+@settings(max_examples=6, deadline=None, derandomize=True)
+@given(
+    name=strategies.sampled_from(["two_obstacles", "three_obstacles", "doorway"]),
+    operator=strategies.sampled_from(sorted(OPERATORS)),
+    arbitration=strategies.sampled_from(["blend", "halves", "traded", "human", "agent"]),
+    authority=strategies.booleans(),
+    clearance=strategies.sampled_from([None, 0.05]),
+    gain=strategies.floats(20.0, 500.0),
+    seed=strategies.integers(0, 2**32 - 1),
+)
+def test_any_operator_with_any_arbiter_in_any_scenario(
+    name, operator, arbitration, authority, clearance, gain, seed
+):
+    scenario = load_scenario(name)
+    config = SharedControlConfig(
+        arbitration=arbitration,
+        authority=Authority(enabled=authority),
+        safety_clearance=clearance,
+        confidence_gain=gain,
+    )
+    simulation = Simulation(scenario, learner=learner_of(name), config=config)
+    check_equal(simulation, [operator_settings(scenario, operator, seed=seed)])
 
 
 def test_hardly_any_difference_grew():
