@@ -26,8 +26,8 @@ class PoseFault(LeafSystem):
         - shown_pose
 
     Inputs:
-        pose (N): The robot's configuration, world frame: the true one. The first D elements are its position,
-            in [m], the others angles, in [rad].
+        pose (N): The robot's configuration, world frame: the true one. D of its elements are coordinates of
+            the position, by their names, in [m]; the others are angles, in [rad].
         noise (N + D): Samples of the standard normal distribution, fresh ones each period, as from a
             RandomSource.
         chance (1): Uniform samples over [0, 1), likewise.
@@ -63,9 +63,12 @@ class PoseFault(LeafSystem):
     ) -> None:
         super().__init__()
         robot = robot or DiffDrive()
-        size, dimensions = len(robot.configuration_names), len(robot.position_names)
-        self._size, self._dimensions = size, dimensions
-        self._spread = np.array([noise] * dimensions + [yaw_noise] * (size - dimensions))
+        names = robot.configuration_names
+        self._places = [names.index(name) for name in robot.position_names if name in names]
+        size, dimensions = len(names), len(self._places)
+        self._size = size
+        self._spread = np.full(size, yaw_noise)
+        self._spread[self._places] = noise
         self._drift_step = drift * math.sqrt(period)
         self._nan = nan
         self._pose_port = self.DeclareVectorInputPort("pose", size)
@@ -100,7 +103,7 @@ class PoseFault(LeafSystem):
         drift = context.get_discrete_state(self._drift_index).value()
         drift = drift + self._drift_step * noise[self._size :]
         error = self._spread * noise[: self._size]
-        error[: self._dimensions] += drift
+        error[self._places] += drift
         state.set_value(self._last_index, self._shown_port.Eval(context))
         state.set_value(self._error_index, error)
         state.set_value(self._drift_index, drift)

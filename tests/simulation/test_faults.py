@@ -5,9 +5,11 @@ import pytest
 
 from drake_shared.arbitration.authority import Authority
 from drake_shared.common.errors import InputError
+from drake_shared.robots import DiffDrive
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.faults import Faults
 from drake_shared.simulation.trial import Simulation, TrialSettings, read_log, write_log
+from drake_shared.systems.pose_fault import PoseFault
 from drake_shared.systems.safety_filter import SafetyFilter
 
 NONE = Faults()
@@ -72,6 +74,20 @@ def test_drift_grows_and_leaves_the_true_pose_alone(run, sound):
     np.testing.assert_array_equal(trial["seen_yaw"], trial["yaw"])
     steps = np.hypot(np.diff(trial["x"]), np.diff(trial["y"]))
     assert steps.max() <= 0.05 * 1.2 + 1e-9  # What is true moves as a robot does.
+
+
+def test_noise_and_drift_are_of_the_position_wherever_it_is_in_the_configuration():
+    class YawFirst(DiffDrive):
+        configuration_names = ("yaw", "x", "y")
+
+    fault = PoseFault(noise=0.1, yaw_noise=0.01, drift=1.0, robot=YawFirst(), period=0.04)
+    context = fault.CreateDefaultContext()
+    fault.get_input_port(0).FixValue(context, [3.0, 1.0, 2.0])
+    fault.GetInputPort("noise").FixValue(context, [1.0, 1.0, 1.0, 0.0, 2.0])
+    fault.GetInputPort("chance").FixValue(context, [0.5])
+    context.SetDiscreteState(fault.EvalUniquePeriodicDiscreteUpdate(context))
+    seen = fault.GetOutputPort("seen_pose").Eval(context)
+    np.testing.assert_allclose(seen, [3.01, 1.1, 2.1 + 0.2 * 2.0], atol=1e-12)
 
 
 @pytest.mark.parametrize("safety", [None, 0.05])
