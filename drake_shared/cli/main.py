@@ -34,6 +34,7 @@ COMMANDS = {
     "fit-operator": "fit_operator:FitOperator",
     "lineage": "lineage:Lineage",
     "list": "list:List",
+    "show": "show:Show",
     "replay": "replay:Replay",
     "reproduce": "reproduce:Reproduce",
     "benchmark": "benchmark:Benchmark",

@@ -16,7 +16,7 @@ from drake_shared.learners import load_learner
 from drake_shared.operators.named import OPERATORS
 from drake_shared.simulation.trial import read_log, write_log
 
-COMMANDS = ("drive", "teach", "train", "simulate", "fit-operator", "replay", "list")
+COMMANDS = ("drive", "teach", "train", "simulate", "fit-operator", "replay", "list", "show")
 ROW = {
     *("seed", "route", "success", "intent_success", "collision", "timeout", "completion_time"),
     *("human_effort", "mean_human_weight", "disagreement", "dissimilarity", "agreement"),
