@@ -44,7 +44,7 @@ class Evaluate(LearnerOptions):
     def run(self) -> None:
         """Runs the command."""
         from drake_shared.analysis.evaluation import draw_reliability, evaluate, prediction_errors
-        from drake_shared.demonstrations import read_demonstrations
+        from drake_shared.demonstrations import Demonstration, align, motion_time, read_demonstrations
         from drake_shared.learners.loss_threshold import loss_threshold
         from drake_shared.scenario import load_scenario
         from drake_shared.simulation.teaching import teach
@@ -58,6 +58,13 @@ class Evaluate(LearnerOptions):
                 check_target(file)
         if self.demos:
             demonstrations = read_demonstrations(self.demos, scenario=scenario.name)
+            if learner.metadata.get("clock") == "progress" and learner.demonstrations is not None:
+                # Such a learner takes time for progress, as it does where it is used.
+                taught = [
+                    Demonstration(times=learner.grid, positions=path) for path in learner.demonstrations
+                ]
+                pace = float(np.median([motion_time(item) for item in taught]))
+                demonstrations = align(demonstrations, pace=pace)
         else:
             # Seeds far from those of the demonstrations that ship.
             demonstrations = teach(scenario, count=3 * len(scenario.routes), seed=self.seed + 10_000)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,6 +16,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_target
 from drake_shared.demonstrations import (
     Demonstrations,
+    align,
     check_units,
     load_scorer,
     read_demonstrations,
@@ -72,7 +74,9 @@ class Train(Command):
         demonstrations = self._read()
         check_target(self.out)
         from drake_shared.learners import find_learner, save_learner, train
+        from drake_shared.learners.dataset import make_dataset
         from drake_shared.learners.loss_threshold import early_stop
+        from drake_shared.learners.route_clustering import unlike_all_others
 
         find_learner(self.learner, source="--learner")
         if self.show_weights is not None:
@@ -103,6 +107,10 @@ class Train(Command):
                 progress=progress,
                 **self._changes(),
             )
+        dataset = make_dataset(align(demonstrations))
+        for index in unlike_all_others(dataset.positions, spread=dataset.spread, extent=dataset.extent):
+            item = demonstrations[index]
+            say(f"warning: {item.source} is like no other: if it is a mistake, train without it")
         save_learner(learner, self.out)
         record = learner.metadata.get("training", {})
         took = "" if "seconds" not in record else f" in {record['seconds']:.1f} s"
@@ -110,6 +118,8 @@ class Train(Command):
             f"wrote {self.out}: {learner.name}, {len(demonstrations)} demonstrations{took}, "
             f"K = {learner.confidence_gain:.4g} per m^2"
         )
+        for change in _time_changes(record.get("sources", [])):
+            say(change)
         if (warning := early_stop(learner.metadata)) is not None:
             say(f"warning: {warning}")
         if self.json:
@@ -169,3 +179,16 @@ class Train(Command):
     def _lacks_scores(demonstrations: Demonstrations) -> bool:
         """Whether some demonstrations, such as logs, have no score, so that all are scored by clearance."""
         return demonstrations.scores is None and demonstrations.scenario is not None
+
+
+def _time_changes(sources: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What the alignment of demonstrations changed, from their training record."""
+    changes = []
+    for index, source in enumerate(sources):
+        if "pauses" in source:
+            changes.append(f"demonstration {index}: counted out pauses of {source['pauses']:.1f} s")
+        if "time_factor" in source:
+            changes.append(
+                f"demonstration {index}: its time times {source['time_factor']:.2f}, as the others"
+            )
+    return changes

@@ -3,10 +3,12 @@
 - `trajectories`: `Demonstration`, positions over time, and `Demonstrations`, those of one task
 - `weights`: scores and the probabilities with which training samples demonstrations
 - `parquet`: reading and writing files, and logs of trials as demonstrations
+- `alignment`: pauses counted out, and one pace for all
 - `units`: whether they are in seconds and metres
 - `progress_clock`: how far along the demonstrations a robot is
 """
 
+from drake_shared.demonstrations.alignment import align, motion_time
 from drake_shared.demonstrations.parquet import (
     LOG_FORMAT,
     METADATA_KEY,
@@ -33,10 +35,12 @@ __all__ = [
     "Demonstrations",
     "ProgressClock",
     "Scorer",
+    "align",
     "check_units",
     "demonstration_weights",
     "load_scorer",
     "min_score_width",
+    "motion_time",
     "provenance_of_trial",
     "read_demonstrations",
     "sampling_weights",

@@ -30,6 +30,8 @@ _SOURCE_FIELDS = (
     "mode",
     "human_weight",
     "learner_id",
+    "pauses",
+    "time_factor",
 )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from drake_shared.common.arrays import path_at
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations, align
 from drake_shared.learners.base import Array, Prediction, check_query
 from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.dataset import data_record, make_dataset
@@ -96,6 +96,7 @@ def train_promp(
     Raises:
         InputError: ``movement_primitives`` is not installed.
     """
+    demonstrations = align(demonstrations)
     dataset = make_dataset(demonstrations, weighted=weighted)
     primitive = make_promp(dataset.positions.shape[2])
     # The library scales the times that it is given in place, hence copies.

@@ -13,6 +13,25 @@ from scipy.spatial.distance import squareform
 _MAX_DISTANCE, _MAX_DISTANCE_EXTENT = 2.0, 0.05
 
 
+_FROM, _LIKE = 10, 3
+"""From so many demonstrations on, and so many on each route, one that is alone is unlike all others."""
+
+
+def unlike_all_others(positions: NDArray[np.float64], *, spread: float, extent: float) -> list[int]:
+    """Indices of demonstrations that are alone on their route, where the others are many on each of theirs.
+
+    They may be another route, or a mistake. Of few demonstrations nothing can be said.
+
+    Args:
+        positions, spread, extent: As for `group_by_route`.
+    """
+    groups = group_by_route(positions, spread=spread, extent=extent)
+    alone = [int(group[0]) for group in groups if len(group) == 1]
+    others = len(groups) - len(alone)
+    few = len(positions) < _FROM or len(positions) - len(alone) < _LIKE * max(others, 1)
+    return [] if few or len(alone) > others else sorted(alone)
+
+
 def group_by_route(positions: NDArray[np.float64], *, spread: float, extent: float) -> list[NDArray[np.intp]]:
     """Groups demonstrations by route, by average linkage of their largest distances.
 

@@ -16,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 from drake_shared.common.arrays import path_at
 from drake_shared.common.errors import InputError
 from drake_shared.common.threads import single_threaded
-from drake_shared.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations, align
 from drake_shared.learners.augmentation import low_frequency_basis, make_neighborhoods, unexplained
 from drake_shared.learners.calibration import LEAST_CONFIDENCE, calibrate
 from drake_shared.learners.cesn.context import encode, features, within
@@ -64,6 +64,8 @@ def train_cesn(
     chosen = find_parameters(preset)
     if seed < 0:
         raise InputError("train", "seed", "must be 0 or more", seed)
+    if chosen.clock == "progress":
+        demonstrations = align(demonstrations)
     dataset = make_dataset(demonstrations, weighted=weighted)
     # A second thread would change the bits.
     with single_threaded():

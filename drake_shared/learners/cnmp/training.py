@@ -15,7 +15,7 @@ import torch
 
 from drake_shared.common.errors import InputError
 from drake_shared.common.threads import single_threaded
-from drake_shared.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations, align
 from drake_shared.learners.calibration import CALIBRATIONS, LEAST_CONFIDENCE, Calibration, calibrate
 from drake_shared.learners.cnmp.learner import CnmpLearner
 from drake_shared.learners.cnmp.optimization import Optimization, Progress
@@ -116,6 +116,7 @@ def train_together(
     """
     plan = Plan.make(seed=min(seeds), **options)
     each = [weighted] * len(tasks) if isinstance(weighted, bool) else list(weighted)
+    tasks = [align(task) if plan.parameters.clock == "progress" else task for task in tasks]
     datasets = [
         make_dataset(
             demonstrations,

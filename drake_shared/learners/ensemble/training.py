@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import Unpack
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations, align
 from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.cnmp.training import Options, train_together
 from drake_shared.learners.ensemble.learner import EnsembleLearner
@@ -54,5 +54,7 @@ def train_ensemble(
     # The gain of each member is bounded where its variance is negligible; the same bound holds for all.
     bound = max(member.confidence_gain for member in trained)
     calibration = options.get("calibration", "percentile")
+    if ensemble.metadata["clock"] == "progress":
+        demonstrations = align(demonstrations)
     gain = min(calibrate(ensemble, demonstrations, calibration=calibration), bound)
     return dataclasses.replace(ensemble, confidence_gain=gain)

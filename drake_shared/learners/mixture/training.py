@@ -7,7 +7,7 @@ from typing import Unpack
 
 import numpy as np
 
-from drake_shared.demonstrations import Demonstrations
+from drake_shared.demonstrations import Demonstrations, align
 from drake_shared.learners.calibration import calibrate
 from drake_shared.learners.cnmp.training import Options, Plan, fast_training, fit, training_metadata
 from drake_shared.learners.dataset import make_dataset
@@ -20,6 +20,8 @@ def train_mixture(
 ) -> MixtureLearner:
     """Trains a mixture; arguments and errors as of `drake_shared.learners.cnmp.training.train`."""
     plan = Plan.make(seed=seed, **options)
+    if plan.parameters.clock == "progress":
+        demonstrations = align(demonstrations)
     dataset = make_dataset(
         demonstrations,
         weighted=weighted,
