@@ -206,6 +206,19 @@ def start_cockpit(tmp_path) -> Iterator[Callable[..., RunningCockpit]]:
 
 
 @pytest.fixture(scope="module")
+def start_lasting_cockpit(tmp_path_factory) -> Iterator[Callable[..., RunningCockpit]]:
+    """For a session that is used by several tests."""
+    with contextlib.ExitStack() as stack:
+
+        def start(scenario: Scenario, learner=None, **options) -> RunningCockpit:
+            cockpit = RunningCockpit(scenario, learner, tmp_path_factory.mktemp("logs"), **options)
+            stack.callback(cockpit.stop)
+            return cockpit
+
+        yield start
+
+
+@pytest.fixture(scope="module")
 def _short_cockpit(tmp_path_factory, route_learner) -> Iterator[RunningCockpit]:
     scenario = make_short_floor()
     cockpit = RunningCockpit(scenario, route_learner(scenario), tmp_path_factory.mktemp("logs"))

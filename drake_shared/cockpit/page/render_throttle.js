@@ -21,7 +21,7 @@ export class RenderThrottle {
   constructor(viewer) {
     this.#viewer = viewer;
     this.#readback = new ReadbackCanvas(viewer);
-    if (rendersInSoftware(viewer.renderer.getContext())) this.#goAsync();
+    if (rendersInSoftware(viewer.renderer)) this.#goAsync();
     // Meshcat's page calls this for every frame of the screen.
     viewer.animate = () => {
       viewer.animator.update();
@@ -65,7 +65,9 @@ export class RenderThrottle {
   }
 }
 
-function rendersInSoftware(gl) {
+// Whether the computer has no graphics card that the browser uses.
+export function rendersInSoftware(renderer) {
+  const gl = renderer.getContext();
   const info = gl.getExtension("WEBGL_debug_renderer_info");
   return info !== null && /swiftshader|llvmpipe|software/i.test(gl.getParameter(info.UNMASKED_RENDERER_WEBGL));
 }

@@ -9,7 +9,7 @@ import { describeLength, localTask } from "./scene_task.js";
 import { Theme } from "./scene_theme.js";
 import { Trail } from "./scene_trail.js";
 import { Views } from "./scene_views.js";
-import { RenderThrottle } from "./render_throttle.js";
+import { RenderThrottle, rendersInSoftware } from "./render_throttle.js";
 
 const { THREE } = window.MeshCat;
 
@@ -51,7 +51,7 @@ export class Scene {
     pane.append(overlay);
     viewer.scene.add(this.#group);
     this.#setUpLight();
-    this.#floor = new Floor(this.#group, this.#theme);
+    this.#floor = new Floor(this.#group, this.#theme, viewer.renderer, rendersInSoftware(viewer.renderer));
     this.#robot = new RobotMarks(this.#group, this.#theme);
     this.#routes = new Routes(this.#group, this.#theme);
     this.#trail = new Trail(this.#group, this.#theme);

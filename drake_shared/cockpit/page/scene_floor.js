@@ -2,17 +2,31 @@
 
 const { THREE } = window.MeshCat;
 
-const PIXELS = 2048; // of the longer side of the floor's texture
+const FINE = 4096; // Pixels of the longer side of the floor's texture with a graphics card,
+const COARSE = [900, 3000]; // and at least and at most without one, where it has those of the screen.
 const MARGIN = 0.12; // of the texture around the floor, as a share of its longer side, for the floor's shadow
+
+// The texture holds the colours of the screen, which need no conversion: this is the cheapest way to draw it.
+const SHADER = {
+  vertexShader: `varying vec2 at;
+    void main() { at = uv; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }`,
+  fragmentShader: `uniform sampler2D map; varying vec2 at;
+    void main() { gl_FragColor = texture2D(map, at); }`,
+};
 
 export class Floor {
   #group = new THREE.Group();
   #theme;
   #task = null;
-  #meshes = [];
+  #mesh = null;
+  #renderer;
+  #software;
 
-  constructor(parent, theme) {
+  // software: whether the renderer has no graphics card.
+  constructor(parent, theme, renderer, software) {
     this.#theme = theme;
+    this.#renderer = renderer;
+    this.#software = software;
     parent.add(this.#group);
     theme.onChange(() => this.#draw());
   }
@@ -24,31 +38,37 @@ export class Floor {
 
   #draw() {
     if (!this.#task) return;
-    for (const mesh of this.#meshes) {
-      mesh.removeFromParent();
-      mesh.geometry.dispose();
-      mesh.material.map?.dispose();
-      mesh.material.dispose();
-    }
+    this.#mesh?.removeFromParent();
+    this.#mesh?.geometry.dispose();
+    this.#mesh?.material.uniforms.map.value.dispose();
+    this.#mesh?.material.dispose();
     const { width, depth } = this.#task;
     const margin = MARGIN * Math.max(width, depth);
     const [fullWidth, fullDepth] = [width + 2 * margin, depth + 2 * margin];
-    const scale = PIXELS / Math.max(fullWidth, fullDepth);
+    const scale = this.#pixels() / Math.max(fullWidth, fullDepth);
     const canvas = document.createElement("canvas");
     canvas.width = Math.round(fullWidth * scale);
     canvas.height = Math.round(fullDepth * scale);
     const context = canvas.getContext("2d");
+    context.fillStyle = this.#theme.css("ground");
+    context.fillRect(0, 0, canvas.width, canvas.height);
     // From here on lengths are in m about the workspace's middle, y up.
     context.setTransform(scale, 0, 0, -scale, canvas.width / 2, canvas.height / 2);
     this.#paint(context, scale);
     const texture = new THREE.CanvasTexture(canvas);
-    texture.colorSpace = THREE.SRGBColorSpace;
-    texture.anisotropy = 4;
-    const material = new THREE.MeshBasicMaterial({ map: texture, toneMapped: false, transparent: true, depthWrite: false });
-    const mesh = new THREE.Mesh(new THREE.PlaneGeometry(fullWidth, fullDepth), material);
-    mesh.renderOrder = -10;
-    this.#meshes = [mesh];
-    this.#group.add(mesh);
+    if (this.#software) {
+      texture.generateMipmaps = false;
+      texture.minFilter = THREE.LinearFilter;
+    } else texture.anisotropy = 8;
+    const material = new THREE.ShaderMaterial({ ...SHADER, uniforms: { map: { value: texture } } });
+    this.#mesh = new THREE.Mesh(new THREE.PlaneGeometry(fullWidth, fullDepth), material);
+    this.#group.add(this.#mesh);
+  }
+
+  #pixels() {
+    if (!this.#software) return FINE;
+    const { width, height } = this.#renderer.domElement;
+    return Math.min(Math.max(1.1 * Math.max(width, height), COARSE[0]), COARSE[1]);
   }
 
   #paint(context, scale) {
@@ -83,10 +103,10 @@ export class Floor {
     this.#paintScale(context);
   }
 
-  #paintGrid(context) {
+  #paintGrid(context, scale) {
     const { width, depth, unit, step, middle } = this.#task;
     context.strokeStyle = this.#theme.css("grid");
-    context.lineWidth = 0.006 * unit;
+    context.lineWidth = Math.max(1.4 / scale, 0.006 * unit);
     context.beginPath();
     const lines = (from, to, draw) => {
       for (let i = Math.ceil(from / step); i * step < to; i++) draw(i * step);

@@ -48,7 +48,7 @@ export class Routes {
     const enough = 0.6 * this.#task.unit;
     let best = null;
     for (let i = 4; i < route.center.length - 4; i += 2) {
-      if (route.fade[i] < 0.2) continue;
+      if (route.fade[i] < 0.05) continue;
       const [x, y] = route.center[i];
       const gaps = others.map((other) => Math.min(...other.center.map(([a, b]) => Math.hypot(a - x, b - y))));
       // Of places that are clear enough, the one nearest to the middle of the route is taken.

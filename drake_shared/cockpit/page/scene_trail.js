@@ -18,7 +18,7 @@ export class Trail {
   constructor(parent, theme) {
     this.#theme = theme;
     this.#ink = new Ink(parent, { capacity: 1.5 * CAPACITY, order: 2 });
-    this.#marks = new Ink(parent, { capacity: 400, order: 3 });
+    this.#marks = new Ink(parent, { capacity: 400, order: 19, depthTest: false });
     theme.onChange(() => this.#draw());
   }
 
