@@ -155,9 +155,7 @@ def _rows(trial: Trial) -> dict[str, list[Any]]:
 def _moving(scenario: Scenario, times: NDArray[np.float64]) -> dict[str, list[Any]]:
     """Positions over time, in [m], of the obstacles that move, by their path in Meshcat's tree."""
     return {
-        f"/drake/scene/moving_obstacles/{item.name}": _numbers(
-            np.array([position_at(item, time) for time in times.tolist()])
-        )
+        f"/drake/scene/{item.name}": _numbers(np.array([position_at(item, time) for time in times.tolist()]))
         for item in scenario.obstacles
         if item.path
     }

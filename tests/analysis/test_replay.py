@@ -56,6 +56,20 @@ def test_the_page_holds_task_rows_and_predictions(page, human_trial):
     assert shown["status"] == human_trial.status
 
 
+def test_obstacles_that_move_are_moved_where_the_page_has_them(human_trial, tmp_path):
+    cart = {"name": "cart", "radius": 0.1, "path": [[0.0, 2.5, 1.4], [10.0, 2.5, 1.0]]}
+    scenario = human_trial.metadata["scenario"]
+    moving = scenario | {"obstacles": [*scenario["obstacles"], cart]}
+    trial = Trial(columns=human_trial.columns, metadata=human_trial.metadata | {"scenario": moving})
+    write_replay(trial, tmp_path / "trial.html")
+    page = (tmp_path / "trial.html").read_text(encoding="utf-8")
+    (path, positions), *others = content(page)["moving"].items()
+    assert others == []
+    assert f"{path}/cart_drawn".encode() in scene(page)
+    assert positions[0] == [2.5, 1.4]
+    assert positions[20] == pytest.approx([2.5, 1.36])
+
+
 def without_repetitions(calls) -> list:
     """The calls for what was observed; others ask for the routes, given later points too."""
     observed = [[part.tolist() for part in call] for call in calls if len(call[0]) <= 2]

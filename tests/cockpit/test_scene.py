@@ -30,6 +30,7 @@ class Window:
         self.page.on("websocket", lambda socket: socket.on("framereceived", self._keep))
         self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.goto(address)
+        self.page.click("#intro-skip")
         self.page.wait_for_selector('.scene-labels [data-kind="route"]:not([hidden])')
 
     def _keep(self, text):
@@ -42,9 +43,10 @@ class Window:
 
     def choose(self, view: str):
         """Switches to a view, and waits until it is drawn."""
-        self.page.evaluate("() => { window.drawn = 0; viewer.render_callback = () => window.drawn++; }")
         self.page.click(f"[data-view={view}]")
-        self.page.wait_for_function("window.drawn > 1")
+        self.page.evaluate("() => { window.drawn = 0; viewer.render_callback = () => window.drawn++; }")
+        self.page.evaluate("() => viewer.set_dirty()")
+        self.page.wait_for_function("() => window.drawn > 0")
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +54,7 @@ def window(browser, _two_obstacles, start_lasting_cockpit):
     """A page of the task with two obstacles, before the first trial."""
     cockpit = start_lasting_cockpit(_two_obstacles, load_learner("two_obstacles_default"))
     context = browser.new_context(viewport={"width": 1280, "height": 800}, color_scheme="light")
+    context.set_default_timeout(60_000)
     yield Window(context, cockpit.address)
     context.close()
 
@@ -64,11 +67,11 @@ def assert_apart_and_in_view(labels):
         assert across <= 0 or down <= 0, (a, b)
 
 
-def test_at_the_start_there_are_several_routes_and_none_leads_through_an_obstacle(window, _two_obstacles):
+def test_at_the_start_there_are_several_routes_and_none_leads_through_an_obstacle(window, scenario):
     routes = window.received["routes"]["routes"]
     assert len(routes) >= 2
     assert sum(route["probability"] for route in routes) == pytest.approx(1.0, abs=0.1)
-    distance = ObstacleDistance(_two_obstacles.obstacles)
+    distance = ObstacleDistance(scenario.obstacles)
     for route in routes:
         assert np.all(distance(np.array(route["center"])) > np.array(route["half_width"]))
     shares = sorted(f"{100 * route['probability']:.0f} %" for route in routes)
@@ -93,7 +96,7 @@ def test_in_every_view_the_goal_is_labelled_and_no_label_is_cut_off(window, view
 @pytest.mark.parametrize("size", [(390, 844), (800, 600), (1280, 800)])
 def test_in_a_window_of_any_size_start_and_goal_are_in_view(window, size):
     window.page.set_viewport_size({"width": size[0], "height": size[1]})
-    window.page.wait_for_function(f"innerWidth === {size[0]}")
+    window.page.wait_for_function(f"() => innerWidth === {size[0]}")
     window.choose("above")
     labels = window.labels()
     assert {"Start", "Goal"} <= {label["text"] for label in labels}
@@ -113,7 +116,7 @@ def test_the_legend_opens_in_a_narrow_window(window):
     assert box["x"] + box["width"] <= 390
     window.page.click(".scene-legend-button")
     window.page.set_viewport_size({"width": 1280, "height": 800})
-    window.page.wait_for_function("innerWidth === 1280")
+    window.page.wait_for_function("() => innerWidth === 1280")
 
 
 def test_light_and_dark_follow_the_system_until_one_is_chosen(window):
@@ -122,6 +125,7 @@ def test_light_and_dark_follow_the_system_until_one_is_chosen(window):
 
     light = ground()
     window.page.emulate_media(color_scheme="dark")
+    window.page.wait_for_selector("html[data-theme=dark]")
     dark = ground()
     assert light > dark
     window.page.click(".scene-theme")
@@ -136,10 +140,10 @@ def test_it_is_as_sharp_while_driving_as_at_rest(window):
     window.page.click("#drive:enabled")
     window.page.wait_for_selector("body[data-driver-lock=yours]")
     window.page.keyboard.down("ArrowUp")
-    window.page.wait_for_function("viewer.renderer.info.render.frame > 0")
+    window.page.wait_for_function("() => viewer.renderer.info.render.frame > 0")
     window.page.wait_for_selector("#deck[data-phase=driving]")
     start = window.page.evaluate("viewer.renderer.info.render.frame")
-    window.page.wait_for_function(f"viewer.renderer.info.render.frame > {start} + 3")
+    window.page.wait_for_function(f"() => viewer.renderer.info.render.frame > {start} + 3")
     assert window.page.evaluate(ratio) == 1.0
     window.page.keyboard.press("Escape")
     window.page.wait_for_selector("#deck[data-phase=finished]")
