@@ -446,13 +446,13 @@ def test_choices_of_the_page_take_effect_and_logs_carry_the_route(start_cockpit,
     )
     assert lock.request(1, setup)
     assert lock.request(1, dataclasses.replace(setup, scenario="short_floor", route="bent"))
-    assert lock.engage(1)
-    until(lambda: cockpit.session.phase == "armed", "the trial")
-    assert not lock.request(2, setup)
-    lock.move(1, Move(x=0.0, y=0.0, forward=1.0, turn=0.0))
-    until(lambda: cockpit.session.phase == "driving", "the drive")
-    lock.release(1)
-    trial = cockpit.next_trial()
+    with Driver(lock) as driver:
+        until(lambda: cockpit.session.phase == "armed", "the trial")
+        assert not lock.request(2, setup)
+        driver.push(forward=1.0)
+        until(lambda: cockpit.session.phase == "driving", "the drive")
+        lock.release(1)
+        trial = cockpit.next_trial()
     assert trial.metadata["route"] == "bent"
     assert trial.metadata["scenario"]["name"] == "short_floor"
     assert metrics(trial)["intent_success"] is False  # It was stopped before the goal.
@@ -469,6 +469,6 @@ def test_the_driver_names_a_route_before_each_drive(start_cockpit, short_floor, 
         1,
         Setup(scenario="short_floor", learner=None, arbitration="blend", confidence_gain=None, route="bent"),
     )
-    assert lock.engage(1)
-    until(lambda: cockpit.session.phase == "armed", "the trial")
-    lock.release(1)
+    with Driver(lock):
+        until(lambda: cockpit.session.phase == "armed", "the trial")
+        lock.release(1)
