@@ -187,8 +187,7 @@ def _time_changes(sources: Sequence[Mapping[str, Any]]) -> list[str]:
     for index, source in enumerate(sources):
         if "pauses" in source:
             changes.append(f"demonstration {index}: counted out pauses of {source['pauses']:.1f} s")
-        if "time_factor" in source:
-            changes.append(
-                f"demonstration {index}: its time times {source['time_factor']:.2f}, as the others"
-            )
+        factor = source.get("time_factor", 1.0)
+        if abs(factor - 1.0) > 0.05:
+            changes.append(f"demonstration {index}: brought to the others' pace, its time times {factor:.2f}")
     return changes

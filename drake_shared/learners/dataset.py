@@ -107,7 +107,7 @@ def data_record(demonstrations: Demonstrations, dataset: Dataset) -> dict[str, A
 
     Returns:
         ``data_sha256``; ``demonstrations``, their number; ``sources``, of each what is known of file, sha256,
-        kind, operator, route, seed, mode, human_weight and learner_id.
+        kind, operator, route, seed, mode, human_weight and learner_id, and the changes of `align`.
     """
     return {
         "data_sha256": dataset.digest,
