@@ -35,20 +35,40 @@ OF_TRIALS: Mapping[str, Measure] = MappingProxyType(
         "intent_success": Measure(
             unit="share",
             better=HIGHER,
-            meaning="Success, and past every obstacle on the side of the route that the operator meant; for "
-            "a person, of the route instructed.",
+            meaning="Success, and past every obstacle between start and goal on the side of the route that "
+            "the operator meant; for a person, of the route instructed.",
         ),
         "collision": Measure(unit="share", better=LOWER, meaning="The robot touched an obstacle."),
         "timeout": Measure(
             unit="share", better=LOWER, meaning="The time was over before the goal was reached."
         ),
         "completion_time": Measure(
-            unit="s", better=LOWER, meaning="From the first command of the human to the goal."
+            unit="s",
+            better=LOWER,
+            meaning="From the first command of the human to the goal, in trials that reached it: a mean is "
+            "over successes, and a late start costs nothing.",
         ),
         "human_effort": Measure(
             unit="rad",
             better=LOWER,
-            meaning="Integral over time of the norm of the human command (Javdani et al. 2018).",
+            meaning="Integral over time of the norm of the human command (Javdani et al. 2018). For wheels "
+            "it is nearly proportional to the path length, with help or without, and so hardly measures "
+            "relief.",
+        ),
+        "excess_effort": Measure(
+            unit="rad",
+            better=LOWER,
+            meaning="The same less that of the shared command, which the path needs.",
+        ),
+        "input_work": Measure(
+            unit="rad/s",
+            better=LOWER,
+            meaning="Sum of the norms of the changes of the human command from step to step.",
+        ),
+        "corrections": Measure(
+            better=LOWER,
+            meaning="Turning points of the human command that stand out by over 5% of its limit, mean over "
+            "its elements.",
         ),
         "mean_human_weight": Measure(
             meaning="Mean of w. A property of the arbiter, not of the human; the paper uses it as effort."
@@ -63,7 +83,7 @@ OF_TRIALS: Mapping[str, Measure] = MappingProxyType(
             unit="rad/s",
             better=LOWER,
             meaning="Sum over steps of the absolute difference of human and autonomous command: the paper's "
-            "measure.",
+            "measure. It grows with the number of steps: compare it at one period and duration only.",
         ),
         "disagreement_rate": Measure(
             unit="rad/s",

@@ -8,13 +8,15 @@ from typing import Any, NotRequired, TypedDict, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import signal, stats
 
 from drake_shared.common.errors import InputError
 from drake_shared.scenario.paths import passing_side
 from drake_shared.simulation.trial import Trial
 
 Floats = NDArray[np.float64]
+# Prominence of a correction, as a share of the limit of the command.
+_LEAST_TURN = 0.05
 
 
 class Metrics(TypedDict):
@@ -30,11 +32,17 @@ class Metrics(TypedDict):
         collision: Whether the robot touched an obstacle.
         timeout: Whether time ran out before the goal was reached.
         completion_time: From the first human command (in mode "agent": the start) to the goal, in [s]; NaN if
-            the goal was not reached.
-        human_effort: Integral of the norm of the human command over time (Javdani et al. 2018).
+            the goal was not reached, so that means are over successes, and a late start costs nothing.
+        human_effort: Integral of the norm of the human command over time (Javdani et al. 2018). For wheels
+            it is nearly proportional to the path length, with help or without.
+        excess_effort: The same less that of the shared command, which the path needs: how much harder the
+            human pushed than the robot drove.
+        input_work: Sum of the norms of the changes of the human command from step to step.
+        corrections: Turning points of the human command that stand out by over 5% of its limit, per element.
         mean_human_weight, human_weight_variance: Of w; a property of the arbiter, not of the human.
         intervention_share: Share of the time in which the human gives a command.
-        disagreement: Sum over steps and elements of abs(human - autonomous) (Amirshirzad et al. 2022).
+        disagreement: Sum over steps and elements of abs(human - autonomous) (Amirshirzad et al. 2022). It
+            grows with the number of steps: compare it at one period and duration, and otherwise its rate.
         disagreement_rate: The same, integrated over time and divided by the duration.
         saturated_share: Share of steps at which an element of either command is at its limit.
         dissimilarity: Mean norm of human - shared.
@@ -56,6 +64,9 @@ class Metrics(TypedDict):
     timeout: bool
     completion_time: float
     human_effort: float
+    excess_effort: float
+    input_work: float
+    corrections: float
     mean_human_weight: float
     human_weight_variance: float
     intervention_share: float
@@ -76,11 +87,15 @@ class Metrics(TypedDict):
 
 
 class Interval(TypedDict):
-    """Mean and 95% interval of a metric over trials; None where it is undefined."""
+    """Mean and 95% interval of a metric over trials; None where it is undefined.
+
+    ``n`` is the number of trials in which it is defined: completion times are of successes only.
+    """
 
     mean: float | None
     low: float | None
     high: float | None
+    n: int
 
 
 def metrics(trial: Trial) -> Metrics:
@@ -126,6 +141,11 @@ def metrics_of(trials: Sequence[Trial]) -> list[Metrics]:
             for trial, goal, norm in zip(trials, reached, rows.cut(human_norm), strict=True)
         ],
         "human_effort": rows.sum(human_norm * rows.period).tolist(),
+        "excess_effort": rows.sum((human_norm - _norm(shared)) * rows.period).tolist(),
+        "input_work": rows.changes(human).tolist(),
+        "corrections": np.mean(
+            [rows.turning_points(own, limit) for own, limit in zip(human, limits, strict=True)], axis=0
+        ).tolist(),
         "mean_human_weight": mean_weight.tolist(),
         "human_weight_variance": rows.mean(np.square(weight - mean_weight[:, None])).tolist(),
         "intervention_share": rows.mean(human_norm > 1e-9).tolist(),
@@ -206,6 +226,24 @@ class _Rows:
         largest: Floats = change.max(axis=1, initial=0.0)
         return largest
 
+    def changes(self, elements: Sequence[Floats]) -> Floats:
+        """Sum of the norms of the changes of a command from row to row of each trial, shape (n,)."""
+        change = _norm([np.diff(element, axis=1) for element in elements])
+        total: Floats = np.where(self.applied[:, 1:], change, 0.0).sum(axis=1)
+        return total
+
+    def turning_points(self, values: Floats, limit: float) -> Floats:
+        """Number of peaks and valleys of each trial with a prominence above 5% of a limit, shape (n,)."""
+        least = _LEAST_TURN * limit
+        return np.array(
+            [
+                sum(len(signal.find_peaks(sign * row, prominence=least)[0]) for sign in (1.0, -1.0))
+                if np.isfinite(row).all()
+                else math.nan
+                for row in self.cut(values)
+            ]
+        )
+
     def agreement(self, a: Sequence[Floats], b: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Mean cosine of the angle between two commands where neither is zero, and the share of such rows."""
         norms = _norm(a) * _norm(b)
@@ -281,15 +319,15 @@ def summarize(rows: Sequence[Mapping[str, object]]) -> dict[str, Interval]:
 
 def _interval(values: Sequence[bool | float]) -> Interval:
     if not values:
-        return {"mean": None, "low": None, "high": None}
-    mean = float(np.mean(values))
+        return {"mean": None, "low": None, "high": None, "n": 0}
+    n, mean = len(values), float(np.mean(values))
     if all(isinstance(value, bool) for value in values):
         interval = stats.binomtest(sum(values), len(values)).proportion_ci(0.95, method="wilson")
-        return {"mean": mean, "low": float(interval.low), "high": float(interval.high)}
-    if len(values) < 2:
-        return {"mean": mean, "low": None, "high": None}
-    half = float(stats.t.ppf(0.975, len(values) - 1) * stats.sem(values))
-    return {"mean": mean, "low": mean - half, "high": mean + half}
+        return {"mean": mean, "low": float(interval.low), "high": float(interval.high), "n": n}
+    if n < 2:
+        return {"mean": mean, "low": None, "high": None, "n": n}
+    half = float(stats.t.ppf(0.975, n - 1) * stats.sem(values))
+    return {"mean": mean, "low": mean - half, "high": mean + half, "n": n}
 
 
 def _intent_success(trial: Trial, success: bool) -> bool | None:
@@ -298,7 +336,23 @@ def _intent_success(trial: Trial, success: bool) -> bool | None:
     if intended is None:
         return None
     routes = {route["name"]: route for route in trial.metadata["scenario"]["routes"]}
-    return success and sides_passed(trial) == routes[intended]["sides"]
+    meant, driven = routes[intended]["sides"], sides_passed(trial)
+    return success and all(driven.get(name) == meant[name] for name in _between(trial) if name in meant)
+
+
+def _between(trial: Trial) -> list[str]:
+    """Names of the static obstacles that lie between start and goal; the others are not passed.
+
+    On which side a robot stops before an obstacle behind the goal is a matter of centimetres.
+    """
+    scenario = trial.metadata["scenario"]
+    start, goal = ([scenario[end][name] for name in ("x", "y")] for end in ("start", "goal"))
+    ahead = np.subtract(goal, start)
+    return [
+        item["name"]
+        for item in scenario["obstacles"]
+        if not item.get("path") and 0.0 <= np.subtract([item["x"], item["y"]], start) @ ahead <= ahead @ ahead
+    ]
 
 
 def _completion_time(trial: Trial, human_norm: Floats) -> float:

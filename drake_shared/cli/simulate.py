@@ -129,5 +129,10 @@ def print_summary(summary: dict[str, Any], count: int) -> None:
     """Writes the metrics of ``count`` trials as a table."""
     trials = "1 trial" if count == 1 else f"{count} trials"
     print(f"{trials} of a simulated operator: mean and 95% interval")
-    known = [(name, interval(values)) for name, values in summary.items() if values["mean"] is not None]
+    # Completion times, for example, are of successes only.
+    known = [
+        (name, interval(values) + ("" if values["n"] == count else f"  in {values['n']}"))
+        for name, values in summary.items()
+        if values["mean"] is not None
+    ]
     print("\n".join(figure_lines(known)))

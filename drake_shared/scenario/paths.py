@@ -81,8 +81,12 @@ def passing_side(positions: NDArray[np.float64], point: tuple[float, float]) -> 
     """The side, "left" or "right", on which a curve (n, D), with x and y first, passes ``point`` (x, y).
 
     It is "left" if, seen from ``point``, the curve sweeps clockwise, so that the point lies to the right of
-    the direction of motion. Whole turns count with their sign: a loop that returns does not matter.
+    the direction of motion. Whole turns count with their sign: a loop that returns does not matter. The curve
+    is continued in the direction from its first to its last position.
     """
-    bearing = np.arctan2(positions[:, 1] - point[1], positions[:, 0] - point[0])
+    # Otherwise the side of a point beside an end is a matter of centimetres.
+    ahead = 1e3 * (positions[-1, :2] - positions[0, :2])
+    plane = np.vstack([positions[0, :2] - ahead, positions[:, :2], positions[-1, :2] + ahead])
+    bearing = np.arctan2(plane[:, 1] - point[1], plane[:, 0] - point[0])
     turned = np.diff(bearing)
     return "left" if (turned - math.tau * np.rint(turned / math.tau)).sum() < 0.0 else "right"

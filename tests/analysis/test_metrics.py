@@ -40,6 +40,36 @@ def test_human_effort_is_the_integral_of_the_norm_of_the_human_command(make):
     assert metrics(trial)["human_effort"] == pytest.approx((5.0 + 0.0 + 10.0 + 1.0) * PERIOD)
 
 
+def test_excess_effort_is_that_beyond_the_shared_command(make):
+    trial = make(human_left=[3.0, 0.0, 6.0, 0.0, 99.0], shared_left=[3.0, 0.0, 2.0, 1.0, 99.0])
+    assert metrics(trial)["excess_effort"] == pytest.approx((0.0 + 0.0 + 4.0 - 1.0) * PERIOD)
+
+
+def test_input_work_sums_the_changes_of_the_human_command(make):
+    trial = make(human_left=[0.0, 3.0, 3.0, 0.0, 99.0], human_right=[0.0, 4.0, 4.0, 4.0, 99.0])
+    assert metrics(trial)["input_work"] == pytest.approx(5.0 + 0.0 + 3.0)
+
+
+def test_corrections_are_turning_points_that_stand_out(make):
+    # Of the left wheel two peaks and the valley between them; the right one hardly moves.
+    left = [0.0, 4.0, 0.0, 4.0, 0.0, 0.0]
+    assert metrics(make(human_left=left, human_right=0.01 * np.array(left)))["corrections"] == 1.5
+    assert metrics(make(human_left=np.arange(6.0)))["corrections"] == 0.0
+
+
+def test_obstacles_behind_the_goal_do_not_decide_the_intent(make, scenario):
+    def behind(y):
+        trial = make(y=[0.0, 0.8, 0.8, 0.8, y], metadata={"route": "left_left"})
+        beyond = {**trial.metadata["scenario"]["obstacles"][0], "name": "beyond", "x": 6.0, "y": 0.0}
+        trial.metadata["scenario"]["obstacles"].append(beyond)
+        for route in trial.metadata["scenario"]["routes"]:
+            route["sides"]["beyond"] = "left"
+        return metrics(trial)["intent_success"]
+
+    assert behind(0.01)
+    assert behind(-0.01)
+
+
 def test_mean_human_weight_leaves_out_the_last_row(make):
     measured = metrics(make(human_weight=[1.0, 0.5, 0.5, 0.0, 1.0]))
     assert measured["mean_human_weight"] == pytest.approx(0.5)
@@ -331,12 +361,17 @@ def test_interval_of_a_share_of_1_has_a_width():
 
 def test_undefined_values_do_not_count_in_a_summary():
     rows = [{"completion_time": 2.0}, {"completion_time": math.nan}, {"completion_time": 4.0}]
-    assert summarize(rows)["completion_time"]["mean"] == 3.0
+    assert (summarize(rows)["completion_time"]["mean"], summarize(rows)["completion_time"]["n"]) == (3.0, 2)
     assert summarize([{"intent_success": None}, {"intent_success": True}])["intent_success"]["mean"] == 1.0
-    assert summarize([{"clearance": None}])["clearance"] == {"mean": None, "low": None, "high": None}
+    assert summarize([{"clearance": None}])["clearance"] == {"mean": None, "low": None, "high": None, "n": 0}
 
 
 def test_one_trial_has_no_interval_and_no_trials_are_refused():
-    assert summarize([{"path_length": 2.0}])["path_length"] == {"mean": 2.0, "low": None, "high": None}
+    assert summarize([{"path_length": 2.0}])["path_length"] == {
+        "mean": 2.0,
+        "low": None,
+        "high": None,
+        "n": 1,
+    }
     with pytest.raises(InputError, match="trials"):
         summarize([])

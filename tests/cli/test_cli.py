@@ -95,7 +95,7 @@ def test_simulate_as_a_process_prints_one_json_object_and_nothing_else_on_standa
         assert row["disagreement"] > 0
         assert read_log(row["log"]).metadata["seed"] == row["seed"]
     assert set(result["summary"]) == set(result["trials"][0]) - {"seed", "route", "log"}
-    assert all(set(item) == {"mean", "low", "high"} for item in result["summary"].values())
+    assert all(set(item) == {"mean", "low", "high", "n"} for item in result["summary"].values())
     assert result["summary"]["success"]["mean"] == 1.0
     assert "wrote 2 logs" in done.stderr
 

@@ -98,6 +98,14 @@ def test_turning_the_world_does_not_change_the_side():
         assert passing_side(STRAIGHT @ turn.T, tuple(turn @ (0.3, 0.4))) == "right"
 
 
+@pytest.mark.parametrize("point", [(2.0, 0.4), (2.5, 0.4), (-2.0, 0.4), (-3.0, 0.4)])
+def test_a_centimetre_does_not_change_the_side_of_a_point_beside_or_beyond_an_end(point):
+    swerves = STRAIGHT + np.stack([np.zeros(50), 0.05 * np.sin(np.linspace(0, 9, 50))], axis=-1)
+    for end in (-0.01, 0.01):
+        swerves[-1, 1] = end
+        assert passing_side(swerves, point) == "right"
+
+
 def test_a_loop_beside_the_way_does_not_matter():
     loop = np.stack([np.sin(np.linspace(0, 2 * np.pi, 60)), np.cos(np.linspace(0, 2 * np.pi, 60)) - 1], -1)
     wanders = np.concatenate([STRAIGHT[:25], 0.2 * loop, STRAIGHT[25:]])
