@@ -54,7 +54,15 @@ FULL = Size(
     trials=10,
     paper=Size(name="full", repeats=20, other_repeats=0, all_arms=False, learners=10, trials=10),
 )
-QUICK = Size(name="quick", repeats=10, other_repeats=0, all_arms=False, learners=2, trials=3)
+QUICK = Size(
+    name="quick",
+    repeats=10,
+    other_repeats=0,
+    all_arms=False,
+    learners=2,
+    trials=3,
+    paper=Size(name="quick", repeats=2, other_repeats=0, all_arms=False, learners=2, trials=3),
+)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners import Learner
 from drake_shared.learners.cnmp.parameters import PRESETS as PARAMETERS, TrainingParameters
 from drake_shared.learners.loss_threshold import loss_threshold
-
-if TYPE_CHECKING:
-    from drake_shared.learners.cnmp.training import OnCheckpoint
 
 PRESETS = ("paper", "default")
 """Presets that experiments compare, in the order of the report."""
@@ -23,8 +19,8 @@ STUDIED = {
     "default": dataclasses.replace(PARAMETERS["default"], iterations=1_200, batch=32),
     "paper": PARAMETERS["paper"],
 }
-# A larger group of learners does not fit into the cache of a processor.
-_TRAINED_TOGETHER = {"paper": 5, "default": 30}
+_TRAINED_TOGETHER = 20
+"""Learners in one batched computation of `train_together`."""
 
 
 def studied(preset: str) -> TrainingParameters:
@@ -38,7 +34,6 @@ def train_all(
     *,
     preset: str,
     weighted: bool | Sequence[bool] = True,
-    on_checkpoint: OnCheckpoint | None = None,
     **options: Any,
 ) -> list[Any]:
     """Trains a CNMP for each set of demonstrations, many at a time. Imports torch.
@@ -48,30 +43,15 @@ def train_all(
         seeds: The seed of each training.
         preset: Of all learners.
         weighted: Whether scores weight the demonstrations, for all learners or for each.
-        on_checkpoint: Takes the index of a learner, and the rest as for `train_together`.
         options: Further options of `train_together`.
     """
     from drake_shared.learners.cnmp.training import train_together
 
-    weights = [weighted] * len(sets) if isinstance(weighted, bool) else list(weighted)
-    trained: list[Any] = []
+    if not sets:
+        return []
     options = {"parameters": studied(preset), **options}
-
-    def report(begin: int, index: int, *others: Any) -> None:
-        if on_checkpoint is not None:
-            on_checkpoint(begin + index, *others)
-
-    size = _TRAINED_TOGETHER[preset]
-    for begin in range(0, len(sets), size):
-        part = slice(begin, begin + size)
-        trained += train_together(
-            sets[part],
-            seeds[part],
-            weighted=weights[part],
-            on_checkpoint=None if on_checkpoint is None else functools.partial(report, begin),
-            **options,
-        )
-    return trained
+    weights = [weighted] * len(sets) if isinstance(weighted, bool) else list(weighted)
+    return list(train_together(sets, seeds, weighted=weights, **options))
 
 
 def training_cost(preset: str, count: int) -> float:
@@ -79,7 +59,7 @@ def training_cost(preset: str, count: int) -> float:
 
     Training is limited by the memory bandwidth that processes share; a single process is faster.
     """
-    groups = -(-count // _TRAINED_TOGETHER[preset])
+    groups = -(-count // _TRAINED_TOGETHER)
     return 12.0 * count if preset == "paper" else 4.0 * groups + 1.2 * count
 
 

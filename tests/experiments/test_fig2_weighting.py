@@ -9,7 +9,7 @@ import pytest
 from drake_shared.experiments import fig2_weighting as weighting
 from drake_shared.experiments.section import QUICK
 
-SIZE = dataclasses.replace(QUICK, learners=3)
+SIZE = dataclasses.replace(QUICK, learners=3, paper=None)
 
 
 def row(preset, seed, condition, model, **measures):

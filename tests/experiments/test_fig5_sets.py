@@ -8,7 +8,7 @@ from drake_shared.common.errors import RunError
 from drake_shared.experiments import fig5_sets as second_sets, training
 from drake_shared.experiments.section import QUICK
 
-SIZE = dataclasses.replace(QUICK, learners=1)
+SIZE = dataclasses.replace(QUICK, learners=1, paper=None)
 
 
 @pytest.fixture(scope="module")
