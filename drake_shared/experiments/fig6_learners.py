@@ -100,7 +100,8 @@ def _seconds(
     preset: str, operators: int, repeats: int, conditions: Sequence[tuple[str, str]], setups: int
 ) -> float:
     learners = {(setup, ARMS[arm][0]) for setup, arm in conditions}
-    training = training_cost(preset, repeats) + training_cost(preset, repeats * operators * len(learners))
+    training = training_cost(preset, repeats)
+    training += training_cost(preset, repeats * operators * len(learners), enlarged=True)
     trials = TRIALS * len(conditions) + _ADDED * setups
     return training + TRIAL_COST * repeats * (_ADDED + operators * trials)
 

@@ -77,7 +77,9 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
                 factors=FACTORS,
                 trials=trials,
             ),
-            training_cost(preset, len(learners) * len(counts)) + len(learners) * seconds,
+            training_cost(preset, len(learners))
+            + training_cost(preset, len(learners) * (len(counts) - 1), enlarged=True)
+            + len(learners) * seconds,
         )
         for preset in PRESETS
         for learners in groups(_learners(size), _GROUP)

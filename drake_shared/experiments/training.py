@@ -54,13 +54,21 @@ def train_all(
     return list(train_together(sets, seeds, weighted=weights, **options))
 
 
-def training_cost(preset: str, count: int) -> float:
+def training_cost(preset: str, count: int, *, enlarged: bool = False) -> float:
     """Approximate time of `train_all` for ``count`` learners on one core while other cores train too, in [s].
 
     Training is limited by the memory bandwidth that processes share; a single process is faster.
+
+    Args:
+        preset: Of all learners.
+        count: Number of learners.
+        enlarged: Whether they have more than one demonstration of each route, with which preset paper was
+            seen to train several times as long; the cost is that of its limit of iterations.
     """
     groups = -(-count // _TRAINED_TOGETHER)
-    return 12.0 * count if preset == "paper" else 4.0 * groups + 1.2 * count
+    if preset == "paper":
+        return (84.0 if enlarged else 12.0) * count
+    return 4.0 * groups + 1.2 * count
 
 
 def stopped_early(learner: Learner | None) -> bool:
