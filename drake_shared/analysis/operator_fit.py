@@ -4,14 +4,15 @@ The fit is by maximum likelihood, see `drake_shared.analysis.operator_likelihood
 these drives, with its goodness of fit, and does not predict that person's behaviour elsewhere.
 
 Ten trials determine the delay to about 10 ms. Skill is less certain, since errors to correct arise only from
-noise or the agent; its confidence interval shows how much.
+noise or the agent; its confidence interval shows how much. The interval of yielding leaves out the
+uncertainty of the speed factor, with which it varies, and so covers less than 95%.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from drake_shared.analysis.operator_likelihood import (
 )
 from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import LONGEST_DELAY
-from drake_shared.scenario import scenario_from_dict
+from drake_shared.scenario import Route, scenario_from_dict
 from drake_shared.scenario.paths import Path
 from drake_shared.simulation.trial import Trial
 from drake_shared.systems.surrogate_operator import SurrogateOperator
@@ -38,8 +39,12 @@ _SPEED_FACTORS = (0.5, 2.0)
 # Yielding is undefined if the human weight never falls below 1 by more than this.
 _LEAST_ASSISTANCE = 0.02
 _LEAST_MOTION = 0.5
-# Spacing of path points, in [m]; with the coarser one of a simulated operator the likelihood is not smooth.
+# Spacing of path points, in [m], with which the likelihood is smooth. A simulated operator steers by the
+# coarser points of `Scenario.path_of`. Its steps from point to point would look like white noise, and make
+# the noise seem shorter than it is: the last search uses them as well, in steps of the delay so small that
+# few steps of the operator fall on other points.
 _SPACING = 0.0005
+_FINEST, _NEAR = 0.0005, 0.006
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -94,14 +99,15 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
     names = names or [f"trial {index}" for index in range(len(trials))]
     _check(trials, names)
     scenario = scenario_from_dict(trials[0].metadata["scenario"], source=f"{names[0]}: scenario")
-    paths = {
-        name: Path(np.array(scenario.route(name).waypoints), heading=scenario.start.yaw, spacing=_SPACING)
-        for name in {trial.metadata["route"] for trial in trials}
-    }
-    drives = [
-        DriveLikelihood(trial, scenario, paths[trial.metadata["route"]], name)
-        for trial, name in zip(trials, names, strict=True)
-    ]
+    names_and_trials = list(zip(trials, names, strict=True))
+
+    def likelihoods(path_of: Callable[[Route], Path]) -> list[DriveLikelihood]:
+        return [
+            DriveLikelihood(trial, scenario, path_of(scenario.route(trial.metadata["route"])), name)
+            for trial, name in names_and_trials
+        ]
+
+    drives = likelihoods(lambda route: route.path(scenario.start, spacing=_SPACING))
     assisted = min(drive.least_weight for drive in drives) < 1.0 - _LEAST_ASSISTANCE
     yielding = _YIELDING if assisted else _YIELDING[:1]
 
@@ -118,10 +124,16 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
         _, best = search(np.arange(_COARSE, LONGEST_DELAY + 1e-9, _COARSE), yielding, speed_factor)
         for drive in drives:
             drive.select_informative(best.yielding)
-        found = optimize.minimize_scalar(cost_of, bounds=_SPEED_FACTORS, options={"xatol": 1e-3})
+        found = optimize.minimize_scalar(cost_of, bounds=_SPEED_FACTORS, options={"xatol": 1e-4})
         speed_factor = float(found.x)
     low, high = max(best.delay - _COARSE, 0.0), min(best.delay + _COARSE, LONGEST_DELAY)
-    delays = np.linspace(low, high, round((high - low) / _FINE) + 1)
+    _, best = search(np.linspace(low, high, round((high - low) / _FINE) + 1), yielding, speed_factor)
+    # The steps of the delay are now so small that its interval comes from the trials and not from the grid.
+    drives = likelihoods(scenario.path_of)
+    for drive in drives:
+        drive.select_informative(best.yielding)
+    delays = best.delay + np.arange(-_NEAR, _NEAR + 1e-9, _FINEST)
+    delays = delays[(delays >= 0.0) & (delays <= LONGEST_DELAY)]
     if assisted:
         around = best.yielding + np.linspace(-_YIELDING[1], _YIELDING[1], 33)
         yielding = around[(around >= 0.0) & (around < 1.0)]

@@ -59,7 +59,7 @@ def test_the_parameters_of_a_simulated_operator_are_recovered_from_ten_trials(si
     assert fit.skill.value == pytest.approx(true.skill, rel=0.1)
     assert fit.delay.value == pytest.approx(true.delay, abs=0.02)
     assert fit.noise.value == pytest.approx(true.noise, rel=0.15)
-    assert fit.noise_time.value == pytest.approx(true.noise_time, rel=0.35)
+    assert fit.noise_time.value == pytest.approx(true.noise_time, rel=0.25)
     if mode == "shared":
         assert fit.yielding.value == pytest.approx(true.yielding, abs=0.02)
     else:
