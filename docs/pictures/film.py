@@ -76,6 +76,8 @@ def film(url: str) -> tuple[list[Image.Image], list[float]]:
             executable_path=os.environ.get("DRAKE_SHARED_CHROMIUM"), args=FLAGS
         )
         page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
+        # The introduction of the first visit would lie above the scene.
+        page.add_init_script("localStorage.setItem('drake-shared-introduced', 'yes')")
         page.on("websocket", listen)
         page.goto(url)
         while (phase["number"], phase["phase"]) != (TRIAL, "driving"):

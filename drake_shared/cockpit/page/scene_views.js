@@ -19,6 +19,7 @@ export class Views {
   #pose = null;
   #followed = null; // the pose that the camera follows: the robot's, smoothed
   #updatedAt = 0;
+  #size = []; // px of the pane, to which the camera is fitted
 
   constructor(viewer, pane, bottom) {
     this.#viewer = viewer;
@@ -58,6 +59,7 @@ export class Views {
     this.#viewer.controls.maxPolarAngle = 0.49 * Math.PI;
     this.#followed = null;
     this.#viewer.set_3d_pane_size();
+    setTimeout(() => this.#viewer.set_dirty(), 300);
   }
 
   // pose: [x, y, yaw], in the world frame, or null.
@@ -65,8 +67,12 @@ export class Views {
     this.#pose = pose;
   }
 
-  // Moves the following camera; called before each frame.
+  // Fits the size and moves the following camera; called before each frame.
   update(now) {
+    // The observer misses a pane that has another size only until the page is laid out.
+    if (this.#pane.offsetWidth !== this.#size[0] || this.#pane.offsetHeight !== this.#size[1]) {
+      this.#viewer.set_3d_pane_size();
+    }
     if (this.name !== "follow" || !this.#task) return;
     const [x, y, yaw] = this.#pose ?? [
       this.#task.start[0] + this.#task.middle[0], this.#task.start[1] + this.#task.middle[1], this.#task.start[2],
@@ -100,6 +106,7 @@ export class Views {
     if (!this.#task) return;
     const [width, height] = [this.#pane.offsetWidth, this.#pane.offsetHeight];
     if (!width || !height) return;
+    this.#size = [width, height];
     if (this.name === "above") this.#fitAbove(width, height);
     else {
       this.#viewer.camera.aspect = width / height;
