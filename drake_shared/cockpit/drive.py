@@ -29,7 +29,7 @@ from drake_shared.common.threads import single_threaded
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig
-from drake_shared.simulation.journal import recover_trials
+from drake_shared.simulation.journal import load_writer, recover_trials
 from drake_shared.simulation.scene_drawing import center_scene
 from drake_shared.simulation.trial import Simulation, Trial
 from drake_shared.systems.mouse_input import MouseInput
@@ -162,6 +162,7 @@ def open_session(
         operator = functools.partial(_make_registered, operator, scenario)
     if record is not None:
         check_writable(record)
+        load_writer()
         _recover(Path(record), report)
     assisted = assist and learner is not None and (config is None or config.driver != "human")
     choices = TrialChoices(scenario, learner, config, route=route)

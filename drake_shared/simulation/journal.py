@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
@@ -106,6 +107,14 @@ class Journal:
                 os.fsync(self._file.fileno())
             except (OSError, pa.ArrowException):
                 failed = True
+
+
+def load_writer() -> None:
+    """Loads what writing needs, so that the first rows of the first trial do not wait for it.
+
+    pyarrow imports pandas, where that is installed, at its first conversion of an array.
+    """
+    pa.RecordBatch.from_pydict({"t": np.zeros(1)})
 
 
 def recover_trials(folder: Path) -> list[Path]:
