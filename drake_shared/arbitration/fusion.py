@@ -43,15 +43,17 @@ class FusionModel:
     """Reaction delay of the driver, in s."""
     mismatch: float = 0.8
     """Standard deviation of the turn by which drivers on a route differ from that steering, in rad/s."""
-    mismatch_time: float = 2.5
+    mismatch_time: float = 1.0
     """Time constant of that difference, in s."""
     style: float = 0.5
     """Standard deviation of the part of that difference that is meant, and left to the driver, in rad/s."""
+    style_planned: float = 0.8
+    """The same on a route that was planned, of which the agent knows only the side of each obstacle."""
     none_turn: float = 3.0
     """Standard deviation of the turn of a driver on none of the routes, in rad/s."""
     none_time: float = 1.0
     """Time constant of that turn, in s."""
-    prior_planned: float = 0.15
+    prior_planned: float = 0.3
     """Prior probability of a route that was planned, relative to one that was demonstrated."""
     prior_none: float = 0.03
     """Prior probability of none of the routes."""
@@ -114,12 +116,13 @@ class Fusion:
         self._innovation = total * (1.0 - self._correlation**2)
         prior = np.where(routes.demonstrated, 1.0, model.prior_planned)
         prior = np.append(prior * (1.0 - model.prior_none) / prior.sum(), model.prior_none)
-        change = prior[:-1] * (1.0 - model.switching_to_none) / prior[:-1].sum()
         self._prior = prior
-        self._change = np.append(change, model.switching_to_none)[:, None, None]
+        # Whoever changes the route may change to any: what was demonstrated is no evidence of that.
+        change = np.append(np.full(count, (1.0 - model.switching_to_none) / count), model.switching_to_none)
+        self._change = change[:, None, None]
         self._changes = min(model.switching * period, 1.0)
         self._drifts = min(model.drifting * period, 1.0)
-        self._style = model.style**2
+        self._style = np.where(routes.demonstrated, model.style, model.style_planned)[:, None] ** 2
 
     def initial_state(self, count: int) -> State:
         """Before the first step of ``count`` drivers; the last axis of each array is theirs."""
@@ -211,10 +214,8 @@ class Fusion:
         """
         route = probability.sum(axis=1)
         noise = np.einsum("kgn,g->kn", probability, self._noise_variance) / route
-        human_share = self._style / (self._style + noise)
-        human_share[-1] = 1.0
-        weight = (route * human_share).sum(axis=0)
-        agent = (route * (1.0 - human_share))[:-1]
+        agent = route[:-1] * noise[:-1] / (self._style + noise[:-1])
+        weight = np.clip(1.0 - agent.sum(axis=0), 0.0, 1.0)
         return weight, weight * human + np.einsum("kn,kcn->cn", agent, commands)
 
 

@@ -42,7 +42,7 @@ def parse_yaml(text: str, *, source: str | os.PathLike[str], what: str) -> yaml.
     try:
         root: yaml.Node | None = yaml.compose(text, Loader=yaml.SafeLoader)
     except (yaml.YAMLError, RecursionError) as error:
-        raise InputError(source, "", f"cannot be read as {what}: {error}") from error
+        raise InputError(source, "", f"cannot be read as {what}, since it is not YAML: {error}") from error
     if root is not None:
         _check_keys(root, "", source, set())
     return root

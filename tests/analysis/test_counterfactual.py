@@ -111,7 +111,9 @@ def trial_in(page: str) -> dict:
     return json.loads(re.search(r'<script type="application/json" id="trial">(.*?)</script>', page)[1])
 
 
-def test_replay_marks_page_and_json_as_open_loop_and_prints_the_metrics(human_trial, tmp_path, capsys):
+def test_replay_marks_page_and_json_as_open_loop_and_prints_no_figure_of_a_path_that_left_the_recording(
+    human_trial, tmp_path, capsys
+):
     log, out = tmp_path / "log.parquet", tmp_path / "played.html"
     write_log(human_trial, log)
     arguments = ["replay", str(log), "--arbitration", "agent", "--model", SHIPPED, "--out", str(out)]
@@ -120,13 +122,15 @@ def test_replay_marks_page_and_json_as_open_loop_and_prints_the_metrics(human_tr
     assert result["open_loop"] is True
     assert result["metrics"]["success"] is None
     page = out.read_text(encoding="utf-8")
-    note = re.search(r'<div id="note"[^>]*>(.*?)</div>', page)[1]
+    note = re.search(r'<p id="note"[^>]*>(.*?)</p>', page)[1]
     assert "Open loop" in note
     assert f"{result['left_recorded_pose_at']:.2f} s" in note
     assert trial_in(page)["open_loop"] is True
     assert trial_in(page)["left_recorded_pose_at"] == result["left_recorded_pose_at"]
     assert main(arguments) == 0
-    assert "path_length" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert f"{result['left_recorded_pose_at']:.2f} s" in printed
+    assert "path_length" not in printed
 
 
 def test_a_plain_replay_is_not_marked(human_trial, tmp_path):

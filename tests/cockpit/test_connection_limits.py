@@ -35,6 +35,7 @@ PATHS = {
     "/cas-v1/{name}": "/cas-v1/" + 64 * "0",
     "/drive": "/drive",
     "/cockpit": "/cockpit/main.js",
+    "/drives/{number}": "/drives/1",
     # No route.
     None: "/nothing/here",
 }

@@ -257,9 +257,9 @@ def test_two_drives_are_replayed_beside_each_other(page):
     page.wait_for_selector("#replay-time")
     assert page.locator(".replay figure").count() == 2
     robots = page.locator(".replay .robot")
-    end = robots.first.get_attribute("cx")
+    end = robots.first.get_attribute("transform")
     page.fill("#replay-time", "0")
-    assert robots.first.get_attribute("cx") != end
+    assert robots.first.get_attribute("transform") != end
     page.click("#replay-play")
     page.wait_for_function("() => Number(document.querySelector('#replay-time').value) > 0.2")
     page.uncheck("#compare-1")
@@ -335,7 +335,6 @@ def test_without_webgl_and_pointer_lock_one_drives_on_a_flat_drawing(browser_con
     page.wait_for_selector("#deck[data-phase=ready]")
     page.click("#intro-skip")
     robot = page.locator("#flat-scene .robot")
-    before = robot.get_attribute("transform")
     inspector = Inspector(page)
     inspector.inspect("without WebGL")
     assert inspector.faults == [], "\n".join(inspector.faults)
@@ -343,9 +342,11 @@ def test_without_webgl_and_pointer_lock_one_drives_on_a_flat_drawing(browser_con
     page.click("#drive")
     page.wait_for_selector("body[data-driver-lock=yours]")
     stage.set_phase("driving")
-    stage.set_now("sure")
-    page.wait_for_selector("#why[data-reason=sure]")
-    assert robot.get_attribute("transform") != before
+    # The drawing is centred on the middle of the workspace, at x = 2.5 m.
+    for reason, x in (("sure", 0.2), ("contact", 0.7)):
+        stage.set_now(reason, x=x)
+        page.wait_for_selector(f"#why[data-reason={reason}]")
+        assert robot.get_attribute("transform").startswith(f"translate({x - 2.5:g} ")
     page.mouse.move(400, 300)
     page.mouse.move(400, 250, steps=5)
     stage.until(lambda: stage.driver_lock.latest().y < 0, "the mouse")
