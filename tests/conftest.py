@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,15 @@ from threadpoolctl import threadpool_limits
 
 from drake_shared.scenario import Goal, Route, Scenario, Workspace, load_scenario
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
+
+# Their files take longest. They come first, so that no process is left with one of them at the end.
+_LONG = ("experiments", "cockpit", "docs", "analysis", "cli", "learners")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    folders = {name: place for place, name in enumerate(_LONG)}
+    root = Path(__file__).parent
+    items.sort(key=lambda item: folders.get(item.path.relative_to(root).parts[0], len(folders)))
 
 
 class FakeLearner:
