@@ -113,6 +113,14 @@ def test_the_agent_does_not_drive_before_anyone_was_there(step):
     assert dut.get_human_weight_output_port().Eval(context).item() == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("confidence", [-0.01, 1.01, np.inf])
+def test_a_confidence_out_of_range_is_refused_by_the_name_of_the_input(confidence):
+    dut = ConfidenceBlender()
+    context = fixed(dut, [1.0, 2.0], [3.0, 2.0], confidence)
+    with pytest.raises(RunError, match="confidence"):
+        dut.get_human_weight_output_port().Eval(context)
+
+
 def test_forced_and_periodic_updates_are_the_same():
     dut = ConfidenceBlender(authority=Authority())
     context = fixed(dut, [1.0, 2.0], [3.0, 2.0])

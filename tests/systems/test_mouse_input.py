@@ -211,6 +211,13 @@ def test_a_new_engagement_starts_at_the_centre_with_its_own_origin(bench):
     assert fresh.step(y=-3).mouse["forward"] == pytest.approx(0.03)
 
 
+def test_centring_brings_both_axes_back_and_keeps_the_engagement(bench):
+    bench.step(x=-40, y=-80)
+    centred = bench.step(centrings=1).mouse
+    assert (centred["forward"], centred["left"], centred["engaged"]) == (0.0, 0.0, 1.0)
+    assert bench.step(y=-83).mouse["forward"] == pytest.approx(0.03)
+
+
 @pytest.mark.parametrize("field", ["x", "y", "forward", "turn"])
 def test_nan_in_a_sample_does_not_remain_in_the_state(bench, field):
     bench.step(**{field: math.nan})
