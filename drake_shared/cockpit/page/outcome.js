@@ -1,13 +1,6 @@
 // Describes how a drive ended, and what its measures mean.
 
-const OUTCOMES = {
-  reached: "Goal reached",
-  timed_out: "Time is up",
-  stopped: "Stopped",
-  page_closed: "Driver lost",
-  interrupted: "Interrupted",
-  failed: "Failed",
-};
+import { OUTCOMES } from "./outcomes.js";
 
 // Name, field of the result, digits, unit, meaning, and which way is better (where one is).
 export const MEASURES = [

@@ -1,20 +1,12 @@
 // The player of a stand-alone replay: play, scrub and speed; the scene is that of the cockpit.
 
+import { OUTCOMES } from "./outcomes.js";
 import { ReplayChart } from "./replay_chart.js";
 import { Scene } from "./scene.js";
 
 const { THREE } = window.MeshCat;
 const ROBOT = "/drake/scene/robot"; // Path in Meshcat's tree.
 const STEP = 0.5; // s that an arrow key moves the time
-
-const OUTCOMES = {
-  reached: "Goal reached",
-  timed_out: "Time is up",
-  stopped: "Stopped",
-  page_closed: "Driver lost",
-  interrupted: "Interrupted",
-  failed: "Failed",
-};
 
 const at = (id) => document.getElementById(id);
 const replay = JSON.parse(at("replay").textContent);
