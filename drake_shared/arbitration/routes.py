@@ -13,7 +13,7 @@ from drake_shared.robots import scaled_length
 from drake_shared.scenario import Scenario
 from drake_shared.scenario.paths import passing_side
 from drake_shared.scenario.planar_distance import PlanarDistance
-from drake_shared.scenario.route_planner import equidistant, plan_routes
+from drake_shared.scenario.route_planner import PlannedRoute, equidistant, plan_routes
 
 Floats = NDArray[np.float64]
 
@@ -38,17 +38,20 @@ class Routes:
     demonstrated: NDArray[np.bool_]
 
 
-def routes_of(scenario: Scenario, demonstrated: Sequence[Floats]) -> Routes:
+def routes_of(
+    scenario: Scenario, demonstrated: Sequence[Floats], planned: Sequence[PlannedRoute] | None = None
+) -> Routes:
     """The demonstrated routes that are clear of known obstacles, and a planned one for each further way.
 
     Args:
         scenario: Its static obstacles are known.
         demonstrated: Paths (n, 2), in [m].
+        planned: What `plan_routes` returns for the scenario, if that is known already.
 
     Raises:
         InputError: There is no route.
     """
-    planned = plan_routes(scenario)
+    planned = plan_routes(scenario) if planned is None else planned
     named = {item.name: (item.x, item.y) for item in scenario.static_obstacles}
     between = list(planned[0].passes) if planned else list(named)
     distance = PlanarDistance(scenario.static_obstacles)

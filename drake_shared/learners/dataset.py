@@ -58,6 +58,15 @@ class Dataset:
     digest: str
 
 
+def scale_of(positions: NDArray[np.float64]) -> tuple[float, float]:
+    """Spread and extent, in [m], of demonstrations (m, N, D) on one grid, in [m]; see `Dataset`."""
+    extent = float(np.ptp(positions, axis=(0, 1)).max())
+    spread = float(np.sqrt(np.square(positions - positions.mean(axis=0)).mean()))
+    # One demonstration, or equal ones, have no spread: a fiftieth of the extent then serves as the scale.
+    # A robot that stands still has no extent either, and any length serves.
+    return max(spread, 0.02 * extent) or 1e-3, extent
+
+
 def make_dataset(
     demonstrations: Demonstrations,
     *,
@@ -86,11 +95,7 @@ def make_dataset(
     grid = make_grid(length)
     positions = np.stack([resample(item, grid) for item in demonstrations])
     mean_path = positions.mean(axis=0)
-    extent = float(np.ptp(positions, axis=(0, 1)).max())
-    spread = float(np.sqrt(np.square(positions - mean_path).mean()))
-    # One demonstration, or equal ones, have no spread: a fiftieth of the extent then serves as the scale.
-    # A robot that stands still has no extent either, and any length serves.
-    spread = max(spread, 0.02 * extent) or 1e-3
+    spread, extent = scale_of(positions)
     return Dataset(
         grid=grid,
         positions=positions,

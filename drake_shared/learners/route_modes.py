@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from drake_shared.learners.base import Learner
+from drake_shared.learners.dataset import scale_of
 from drake_shared.learners.modes import Modes
 from drake_shared.learners.route_clustering import group_by_route
 
@@ -36,15 +37,13 @@ class RouteModes:
     def __init__(self, learner: Learner) -> None:
         taught = learner.demonstrations
         assert taught is not None
-        spread = float(np.sqrt(np.square(taught - taught.mean(axis=0)).mean()))
-        extent = float(np.ptp(taught, axis=(0, 1)).max())
-        groups = group_by_route(taught, spread=spread, extent=extent)
+        self._spread, extent = scale_of(taught)
+        groups = group_by_route(taught, spread=self._spread, extent=extent)
         groups = sorted(groups, key=len, reverse=True)[:_MAX_ROUTES]
         self._learner = learner
         self._grid = np.asarray(learner.grid)
         self._shares = np.array([len(group) for group in groups]) / sum(map(len, groups))
         self._routes = np.stack([taught[group].mean(axis=0) for group in groups])
-        self._spread = max(spread, 0.02 * extent) or 1e-3
 
     def __call__(
         self, time: float, position: tuple[float, ...], first: int, mean: Array, variance: Array

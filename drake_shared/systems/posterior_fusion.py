@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,14 @@ from drake_shared.arbitration.fusion import Fusion, FusionModel, State
 from drake_shared.arbitration.routes import routes_of
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
+from drake_shared.learners.dataset import scale_of
 from drake_shared.learners.route_clustering import group_by_route
 from drake_shared.robots import DiffDrive, Robot
 from drake_shared.scenario import Scenario
+from drake_shared.scenario.route_planner import plan_routes
 from drake_shared.systems.arbiter import Arbiter
+
+T = TypeVar("T")
 
 
 class PosteriorFusion(Arbiter):
@@ -67,13 +71,17 @@ class PosteriorFusion(Arbiter):
             raise InputError("PosteriorFusion", "robot", "must be a differential drive")
         self._scenario = scenario
         self._model = model or FusionModel()
+        # Planned once: it takes longer than all else that a new learner costs.
+        self._planned = plan_routes(scenario)
         self._pose_port = self.GetInputPort("pose")
-        fusion = _Shared(self._fusion_for([]))
-        self._fusion_index = int(self.DeclareAbstractParameter(Value(fusion)))
-        self._memory_index = int(self.DeclareAbstractState(Value(_Memory(fusion.content.initial_state(1)))))
+        fusion = self._fusion_for([])
+        initial = fusion.initial_state(1)
+        self._fusion_index = int(self.DeclareAbstractParameter(Value(_Shared(fusion))))
+        self._memory_index = int(self.DeclareAbstractState(Value(_Shared(initial))))
+        nothing = _Shared(_Step(weight=1.0, command=(), after=initial))
         self._step_cache = self.DeclareCacheEntry(
             "fusion_step",
-            ValueProducer(lambda: Value(_Step()), self._calc_step),
+            ValueProducer(lambda: Value(nothing), self._calc_step),
             {self.all_input_ports_ticket(), self.pa_ticket(), self.xa_ticket()},
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
@@ -89,17 +97,16 @@ class PosteriorFusion(Arbiter):
         fusion = self._fusion_for(demonstrated_paths(learner))
         context.get_mutable_abstract_parameter(self._fusion_index).set_value(_Shared(fusion))
         memory = context.get_mutable_abstract_state(self._memory_index)
-        memory.set_value(_Memory(fusion.initial_state(1)))
+        memory.set_value(_Shared(fusion.initial_state(1)))
 
     def GetRouteProbability(self, context: Context) -> NDArray[np.float64]:
         """Probability (K + 1,) of each route after this step's command, and of none of them."""
         fusion: Fusion = context.get_abstract_parameter(self._fusion_index).get_value().content
-        return fusion.route_probability(self._step_cache.Eval(context).after)[:, 0]
+        return fusion.route_probability(self._step(context).after)[:, 0]
 
     def DoCalcWeight(self, context: Context) -> float:
         """The mean human share over all hypotheses."""
-        weight: float = self._step_cache.Eval(context).weight
-        return weight
+        return self._step(context).weight
 
     def DoCalcCommand(
         self, context: Context, weight: float, human: Sequence[float], autonomous: Sequence[float]
@@ -107,14 +114,17 @@ class PosteriorFusion(Arbiter):
         """The fused command."""
         if weight == 1.0:
             return human
-        command: Sequence[float] = self._step_cache.Eval(context).command
-        return command
+        return self._step(context).command
+
+    def _step(self, context: Context) -> _Step:
+        step: _Step = self._step_cache.Eval(context).content
+        return step
 
     def _fusion_for(self, paths: Sequence[NDArray[np.float64]]) -> Fusion:
         assert isinstance(self.robot, DiffDrive)
         return Fusion(
             self._model,
-            routes_of(self._scenario, paths),
+            routes_of(self._scenario, paths, self._planned),
             robot=self.robot,
             period=self.period,
             travel_time=self._scenario.travel_time,
@@ -122,16 +132,16 @@ class PosteriorFusion(Arbiter):
 
     def _calc_step(self, context: Context, output: Value) -> None:
         fusion: Fusion = context.get_abstract_parameter(self._fusion_index).get_value().content
-        memory: _Memory = context.get_abstract_state(self._memory_index).get_value()
+        before: State = context.get_abstract_state(self._memory_index).get_value().content
         pose = self._pose_port.Eval(context)[:, None]
         human = self._human_port.Eval(context)[:, None]
         with np.errstate(invalid="ignore"):
-            weight, command, after = fusion.step(memory.state, pose, human)
-        output.set_value(_Step(weight=weight.item(), command=command[:, 0].tolist(), after=after))
+            weight, command, after = fusion.step(before, pose, human)
+        output.set_value(_Shared(_Step(weight.item(), command[:, 0].tolist(), after)))
 
     def _update(self, context: Context, state: DrakeState) -> None:
-        after = self._step_cache.Eval(context).after
-        state.get_mutable_abstract_state().get_mutable_value(self._memory_index).set_value(_Memory(after))
+        after = _Shared(self._step(context).after)
+        state.get_mutable_abstract_state().get_mutable_value(self._memory_index).set_value(after)
 
 
 def demonstrated_paths(learner: Learner) -> list[NDArray[np.float64]]:
@@ -139,37 +149,22 @@ def demonstrated_paths(learner: Learner) -> list[NDArray[np.float64]]:
     if learner.demonstrations is None:
         return []
     positions = np.asarray(learner.demonstrations)
-    spread = float(np.sqrt(positions.var(axis=0).mean()))
-    extent = float(np.ptp(positions, axis=(0, 1)).max())
+    spread, extent = scale_of(positions)
     groups = group_by_route(positions, spread=spread, extent=extent)
     return [positions[group].mean(axis=0) for group in groups]
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class _Shared:
-    """An immutable object that all Contexts share: Drake copies parameters often."""
-
-    content: Fusion
-
-    def __deepcopy__(self, memo: dict[int, object]) -> _Shared:
-        return self
+class _Step(NamedTuple):
+    weight: float
+    command: Sequence[float]
+    after: State
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class _Memory:
-    """The state after a step, whose arrays are never written to."""
+class _Shared(Generic[T]):
+    """Content that nobody writes to, so that all Contexts can share it: Drake copies values often."""
 
-    state: State
+    content: T
 
-    def __deepcopy__(self, memo: dict[int, object]) -> _Memory:
-        return self
-
-
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class _Step:
-    weight: float = 1.0
-    command: Sequence[float] = ()
-    after: State = dataclasses.field(default_factory=dict)
-
-    def __deepcopy__(self, memo: dict[int, object]) -> _Step:
+    def __deepcopy__(self, memo: dict[int, object]) -> _Shared[T]:
         return self
