@@ -126,7 +126,7 @@ class Wiring:
         autonomous = controller.GetOutputPort("autonomous_command")
         commands = {"human_command": received, "autonomous_command": autonomous, "confidence": confidence}
         feedback = self._feedback(commands)
-        if config.feedback.resistance and feedback is not None:
+        if feedback is not None:
             # The estimator gets the command without resistance: what resists is computed from its output.
             commands["human_command"] = feedback.get_resisted_command_output_port()
         offered = {"pose": measured, "intention": intention, "clearance": clearance}
