@@ -27,6 +27,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_shared.analysis.metrics import metrics
 from drake_shared.analysis.scene_data import describe_routes, describe_task
 from drake_shared.common.files import replacing
+from drake_shared.common.html import script_safe
 from drake_shared.learners import Learner
 from drake_shared.robots.description import require_diff_drive
 from drake_shared.robots.illustration import register_robot
@@ -215,6 +216,5 @@ def _file(name: str) -> str:
 
 
 def _json(name: str, content: dict[str, Any]) -> str:
-    # Only this sequence ends a script element.
-    text = json.dumps(content, separators=(",", ":")).replace("</", "<\\/")
+    text = script_safe(json.dumps(content, separators=(",", ":")))
     return f'<script type="application/json" id="{name}">{text}</script>\n'

@@ -15,6 +15,7 @@ from drake_shared.analysis.viewer.catalogue import Catalogue
 from drake_shared.analysis.viewer.details import details
 from drake_shared.common.errors import DrakeSharedError
 from drake_shared.common.files import replacing
+from drake_shared.common.html import script_safe
 
 MOST_EMBEDDED = 500
 """Trials whose curves a stand-alone page holds; of the others it has the row in the table."""
@@ -155,7 +156,7 @@ def _html(data: Any) -> str:
     text = (_PAGE / "viewer.html").read_text(encoding="utf-8")
     parts = {name: (_PAGE / f"viewer.{name}").read_text(encoding="utf-8") for name in ("css", "js")}
     # A name of a file must not end the script.
-    parts["data"] = json.dumps(data, allow_nan=False).replace("</", "<\\/").replace("<!--", "<\\!--")
+    parts["data"] = script_safe(json.dumps(data, allow_nan=False))
     for name, part in parts.items():
         text = text.replace(f"/*{name}*/", part)
     return text
