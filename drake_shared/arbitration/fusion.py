@@ -4,7 +4,7 @@ The state of knowledge is a joint distribution over the intended route, or none 
 standard deviation and the time constant of the noise on the driver's commands. Each step it is updated by
 Bayes' rule from the turn that the driver commands, and the shared command is the mean over that distribution
 of a precision-weighted blend. It builds on shared autonomy by inference of goals (Javdani et al. 2018; Dragan
-and Srinivasa 2013); routes that nobody demonstrated are hypotheses too, since the obstacles are known.
+and Srinivasa 2013); routes without a demonstration are hypotheses too, since the obstacles are known.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class Fusion:
         prior = np.where(routes.demonstrated, 1.0, model.prior_planned)
         prior = np.append(prior * (1.0 - model.prior_none) / prior.sum(), model.prior_none)
         self._prior = prior
-        # Whoever changes the route may change to any: what was demonstrated is no evidence of that.
+        # A driver who changes the route may change to any route, demonstrated or not.
         change = np.append(np.full(count, (1.0 - model.switching_to_none) / count), model.switching_to_none)
         self._change = change[:, None, None]
         self._changes = min(model.switching * period, 1.0)

@@ -70,7 +70,7 @@ def drive(
         operator: "mouse" for a person at the page, "surrogate" for a simulated operator, or the name of one
             that is registered.
         route: Name of the route that the person is asked to drive, which the page shows; "ask": the person
-            names one before each trial; "free": nobody does. Logs carry it.
+            names one before each trial; "free": no route is instructed. Logs carry it.
         assist: Whether the agent takes part in the first trial; the page can switch it.
         config: How control is shared; if None, the one that the learner's preset names.
         record: Folder for the logs; if None, nothing is saved.

@@ -17,8 +17,8 @@ def kept_memory() -> Iterator[None]:
     """Keeps freed blocks of up to 32 MB, 1 GB of them at most, and returns them to the system at the end.
 
     The gradients of many networks are megabytes that are freed in each iteration. By default glibc returns
-    such blocks to the system, which clears every page anew: a quarter of the time of a training. With another
-    C library nothing is done.
+    such blocks to the system, which clears every page each time: a quarter of the time of a training. With
+    another C library nothing is done.
     """
     libc = ctypes.CDLL(None)
     if not (hasattr(libc, "mallopt") and hasattr(libc, "malloc_trim")):

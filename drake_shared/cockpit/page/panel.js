@@ -222,7 +222,7 @@ export class Panel {
   }
 
   #lost() {
-    if (this.#reason === "refused") return "The program was started anew. Open the address that it printed.";
+    if (this.#reason === "refused") return "The program was restarted. Open the address that it printed.";
     if (!this.#everConnected) return "Connecting…";
     if (this.#phase === "ended" || this.#reason === "ended") {
       return "The program has ended. This page comes back when it runs again.";

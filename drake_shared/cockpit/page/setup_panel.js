@@ -33,7 +33,7 @@ export class SetupPanel {
   show(message) {
     this.#message = message;
     if (!this.#scene) return;
-    // The form is made anew only where its choices change, so that the focus stays where it is.
+    // The form is rebuilt only where its choices change, so that the focus stays where it is.
     const key = JSON.stringify([message, this.#scene.scenario]);
     if (key === this.#key) return;
     this.#key = key;

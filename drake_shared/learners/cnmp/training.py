@@ -228,7 +228,7 @@ def fit(
     checkpoints: Sequence[int] = (),
     on_checkpoint: Callable[[int, Trained, int, float], None] | None = None,
 ) -> list[Trained]:
-    """Trains a network on each dataset; those that ignore observations are trained anew from other seeds.
+    """Trains a network on each dataset; those that ignore observations are trained again from other seeds.
 
     Args:
         datasets: Of each network.
