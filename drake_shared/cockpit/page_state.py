@@ -79,9 +79,11 @@ class StateReader:
         values = self._port.Eval(context).tolist()
         return dict(zip(self._simulation.parts.columns, values, strict=True))
 
-    def describe(self, running: RunningTrial, *, paused: bool = False) -> dict[str, Any]:
-        """Returns the ``now`` message of a control step."""
-        values, parts = self.read(running), self._simulation.parts
+    def describe(
+        self, running: RunningTrial, values: Mapping[str, float], *, paused: bool = False
+    ) -> dict[str, Any]:
+        """Returns the ``now`` message of a control step, at which `read` returned ``values``."""
+        parts = self._simulation.parts
         # At the start nobody has touched the controls, which is not worth a warning.
         let_go = parts.release_reason(running.root) if running.time > 0.0 else None
         estimator = parts.estimator

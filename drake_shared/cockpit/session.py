@@ -307,12 +307,13 @@ class Session:
         gc.collect()
 
     def _show(self, running: RunningTrial) -> None:
-        described = self._state_reader.describe(running, paused=self._driver_lock.paused)
+        values = self._state_reader.read(running)
+        described = self._state_reader.describe(running, values, paused=self._driver_lock.paused)
         self.server.publish("now", described)
         routes = self._scene_state.routes(running)
         if routes is not None:
             self.server.publish("routes", routes)
-        trail = self._scene_state.trail(self._state_reader.read(running), running.time)
+        trail = self._scene_state.trail(values, running.time)
         if trail is not None:
             self.server.publish("trail", trail)
 
