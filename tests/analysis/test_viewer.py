@@ -209,7 +209,7 @@ def test_the_page_filters_opens_and_lays_trials_over_each_other(viewer, folder, 
             for index in range(2):
                 page.locator("#rows input").nth(index).check()
             page.wait_for_function("document.querySelectorAll('#legend span').length === 3")
-            assert page.locator("#figures thead th.number").count() == 3
+            page.wait_for_function("document.querySelectorAll('#figures thead th.number').length === 3")
             page.fill("#search", "nan")
             page.click("#rows tr td.name button")
             page.wait_for_function("document.querySelector('#title').textContent === 'nan'")

@@ -379,7 +379,7 @@ def foreign_page():
 
 @pytest.mark.parametrize("host", ["localhost", "127.0.0.1"])
 def test_a_foreign_page_neither_drives_nor_reads_nor_stops(
-    driving, lasting_context, long_cockpit, foreign_page, other_context, host
+    driving, lasting_context, long_cockpit, foreign_page, other_context, until, host
 ):
     """From another port with the cookie, and from another site, while someone drives."""
     cockpit = long_cockpit
@@ -392,8 +392,7 @@ def test_a_foreign_page_neither_drives_nor_reads_nor_stops(
     assert {what for what, how in tried.items() if how != "refused"} == set()
     assert all(frame.query_selector("#drive, canvas") is None for frame in page.frames[1:])
     before = cockpit.mouse.readings[-1][1]
-    driving.page.wait_for_timeout(100)
-    assert cockpit.mouse.readings[-1][1] > before
+    until(lambda: cockpit.mouse.readings[-1][1] > before, "a new message")
     assert driving.page.get_attribute("body", "data-driver-lock") == "yours"
     assert np.all(cockpit.command > 0)
 
