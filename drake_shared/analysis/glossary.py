@@ -31,12 +31,17 @@ class Measure:
 
 OF_TRIALS: Mapping[str, Measure] = MappingProxyType(
     {
-        "success": Measure(unit="share", better=HIGHER, meaning="Goal reached by T, without contact."),
+        "success": Measure(unit="share", better=HIGHER, meaning="A goal reached by T, without contact."),
         "intent_success": Measure(
             unit="share",
             better=HIGHER,
-            meaning="Success, and past every obstacle between start and goal on the side of the route that "
-            "the operator meant; for a person, of the route instructed.",
+            meaning="Success at the goal of the route that the operator meant, and past every obstacle "
+            "between start and that goal on the route's side; for a person, of the route instructed.",
+        ),
+        "wrong_goal": Measure(
+            unit="share",
+            better=LOWER,
+            meaning="The robot reached another goal than that of the route that the operator meant.",
         ),
         "collision": Measure(unit="share", better=LOWER, meaning="The robot touched an obstacle."),
         "timeout": Measure(

@@ -27,10 +27,11 @@ class Metrics(TypedDict):
     positions or commands with NaN) or None (intent success without a route, clearance without obstacles).
 
     Attributes:
-        success: The goal was reached within its radius by T, without contact.
-        intent_success: Success, and every obstacle passed on the side of the intended route.
+        success: A goal was reached within its radius by T, without contact.
+        intent_success: Success at the goal of the intended route, with every obstacle passed on its side.
+        wrong_goal: Whether the robot reached another goal than that of the intended route.
         collision: Whether the robot touched an obstacle.
-        timeout: Whether time ran out before the goal was reached.
+        timeout: Whether time ran out before a goal was reached.
         completion_time: From the first human command (in mode "agent": the start) to the goal, in [s]; NaN if
             the goal was not reached, so that means are over successes, and a late start costs nothing.
         human_effort: Integral of the norm of the human command over time (Javdani et al. 2018). For wheels
@@ -60,6 +61,7 @@ class Metrics(TypedDict):
 
     success: bool
     intent_success: bool | None
+    wrong_goal: bool | None
     collision: bool
     timeout: bool
     completion_time: float
@@ -134,6 +136,7 @@ def metrics_of(trials: Sequence[Trial]) -> list[Metrics]:
     columns: dict[str, list[Any]] = {
         "success": success,
         "intent_success": [_intent_success(*pair) for pair in zip(trials, success, strict=True)],
+        "wrong_goal": [_wrong_goal(trial) for trial in trials],
         "collision": contact,
         "timeout": [trial.status == "timed_out" for trial in trials],
         "completion_time": [
@@ -330,23 +333,57 @@ def _interval(values: Sequence[bool | float]) -> Interval:
     return {"mean": mean, "low": mean - half, "high": mean + half, "n": n}
 
 
-def _intent_success(trial: Trial, success: bool) -> bool | None:
+def _intended_route(trial: Trial) -> Mapping[str, Any] | None:
     # An operator who changes to another route intends that one.
     intended = trial.metadata.get("then") or trial.metadata.get("route")
-    if intended is None:
+    routes = trial.metadata["scenario"]["routes"]
+    return next((route for route in routes if route["name"] == intended), None)
+
+
+def _goals(trial: Trial) -> list[Mapping[str, Any]]:
+    """Those of the scenario; logs of single goals, and old ones, have no list."""
+    scenario = trial.metadata["scenario"]
+    return scenario.get("goals") or [scenario["goal"]]
+
+
+def _goal_of(trial: Trial, route: Mapping[str, Any]) -> Mapping[str, Any]:
+    x, y, *_ = route["waypoints"][-1]
+    return min(_goals(trial), key=lambda goal: math.hypot(goal["x"] - x, goal["y"] - y))
+
+
+def _wrong_goal(trial: Trial) -> bool | None:
+    route = _intended_route(trial)
+    if route is None:
         return None
-    routes = {route["name"]: route for route in trial.metadata["scenario"]["routes"]}
-    meant, driven = routes[intended]["sides"], sides_passed(trial)
-    return success and all(driven.get(name) == meant[name] for name in _between(trial) if name in meant)
+    if trial.status != "reached" or len(_goals(trial)) == 1:
+        return False
+    goal = _goal_of(trial, route)
+    return not bool(_distance_to(trial, goal)[-1] <= goal["radius"])
 
 
-def _between(trial: Trial) -> list[str]:
-    """Names of the static obstacles that lie between start and goal; the others are not passed.
+def _distance_to(trial: Trial, goal: Mapping[str, Any]) -> Floats:
+    """Shape (rows,), in [m]."""
+    known = [name for name in trial.robot.position_names if name in goal]
+    return _norm([trial[name] - goal[name] for name in known])
+
+
+def _intent_success(trial: Trial, success: bool) -> bool | None:
+    route = _intended_route(trial)
+    if route is None:
+        return None
+    if _wrong_goal(trial):
+        return False
+    goal, meant, driven = _goal_of(trial, route), route["sides"], sides_passed(trial)
+    between = _between(trial.metadata["scenario"], goal)
+    return success and all(driven.get(name) == meant[name] for name in between if name in meant)
+
+
+def _between(scenario: Mapping[str, Any], end: Mapping[str, Any]) -> list[str]:
+    """Names of the static obstacles that lie between start and a goal; the others are not passed.
 
     On which side a robot stops before an obstacle behind the goal is a matter of centimetres.
     """
-    scenario = trial.metadata["scenario"]
-    start, goal = ([scenario[end][name] for name in ("x", "y")] for end in ("start", "goal"))
+    start, goal = ([place[name] for name in ("x", "y")] for place in (scenario["start"], end))
     ahead = np.subtract(goal, start)
     return [
         item["name"]
@@ -359,10 +396,8 @@ def _completion_time(trial: Trial, human_norm: Floats) -> float:
     commanded = np.flatnonzero(human_norm > 1e-9)
     first = 0 if trial.metadata.get("mode") == "agent" or not commanded.size else commanded[0]
     # A trial may continue at the goal until its time is over.
-    goal = trial.metadata["scenario"]["goal"]
-    known = [name for name in trial.robot.position_names if name in goal]
-    distance = _norm([trial[name] - goal[name] for name in known])
-    at_goal = np.flatnonzero(distance <= goal["radius"])
+    arrivals = [_distance_to(trial, goal) <= goal["radius"] for goal in _goals(trial)]
+    at_goal = np.flatnonzero(np.any(arrivals, axis=0))
     arrived = at_goal[0] if at_goal.size else -1
     return float(trial["t"][arrived] - trial["t"][first])
 

@@ -14,17 +14,26 @@ _DIGITS = 4
 
 
 def describe_task(scenario: Scenario) -> dict[str, Any]:
-    """Workspace, start, goal, obstacles and sizes of the robot, in [m] and [rad], world frame."""
-    space, start, goal, robot = scenario.workspace, scenario.start, scenario.goal, scenario.robot
+    """Workspace, start, goals, obstacles and sizes of the robot, in [m] and [rad], world frame."""
+    space, start, robot = scenario.workspace, scenario.start, scenario.robot
     return {
         "workspace": [space.x_min, space.x_max, space.y_min, space.y_max],
         "start": [start.x, start.y, start.yaw],
-        "goal": [goal.x, goal.y, goal.radius],
+        "goal": [scenario.goal.x, scenario.goal.y, scenario.goal.radius],
+        "goals": describe_goals(scenario),
         "obstacles": [_describe_obstacle(item) for item in scenario.obstacles],
         "robot_radius": robot.footprint_radius,
         "wheel_radius": robot.wheel_radius,
         "track": robot.track,
     }
+
+
+def describe_goals(scenario: Scenario) -> list[dict[str, Any]]:
+    """Place, radius and label of each goal."""
+    return [
+        {"x": goal.x, "y": goal.y, "radius": goal.radius, "name": goal.name or "Goal"}
+        for goal in scenario.all_goals
+    ]
 
 
 def _describe_obstacle(item: Obstacle) -> dict[str, Any]:

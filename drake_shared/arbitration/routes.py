@@ -53,14 +53,23 @@ def routes_of(
     """
     planned = plan_routes(scenario) if planned is None else planned
     named = {item.name: (item.x, item.y) for item in scenario.static_obstacles}
-    between = list(planned[0].passes) if planned else list(named)
     distance = PlanarDistance(scenario.static_obstacles)
     least = scenario.robot.footprint_radius + scaled_length(scenario.robot, _LEAST_CLEARANCE)
     paths = [equidistant(path, POINTS) for path in demonstrated]
     paths = [path for path in paths if distance.least(*path.T).min() >= least]
-    ways = [{name: passing_side(path, named[name]) == "left" for name in between} for path in paths]
+
+    def is_demonstrated(route: PlannedRoute) -> bool:
+        return any(
+            scenario.goal_at(path[-1]) is route.goal
+            and all(
+                (passing_side(path, named[name]) == "left") == left for name, left in route.passes.items()
+            )
+            for path in demonstrated
+        )
+
+    demonstrated = list(paths)
     count = len(paths)
-    paths += [equidistant(route.points, POINTS) for route in planned if route.passes not in ways]
+    paths += [equidistant(route.points, POINTS) for route in planned if not is_demonstrated(route)]
     if not paths:
         expected = "must leave a way for the robot from start to goal"
         raise InputError(f"scenario {scenario.name}", "obstacles", expected)

@@ -74,13 +74,15 @@ def legend_below(figure: Figure, handles: Any, labels: Sequence[str] | None = No
 
 
 def draw_scene(axes: Axes, scenario: Scenario) -> None:
-    """Draws obstacles, start and goal from above, in [m], to scale."""
+    """Draws obstacles, start and goals from above, in [m], to scale."""
     from matplotlib.patches import Circle
 
     for obstacle in scenario.obstacles:
         axes.add_patch(_outline(obstacle))
-    goal = scenario.goal
-    axes.add_patch(Circle((goal.x, goal.y), goal.radius, facecolor="none", edgecolor=GREEN, linestyle="--"))
+    for goal in scenario.all_goals:
+        edge: Any = {"facecolor": "none", "edgecolor": GREEN, "linestyle": "--"}
+        axes.add_patch(Circle((goal.x, goal.y), goal.radius, **edge))
+        axes.annotate(goal.name, (goal.x, goal.y + goal.radius), ha="center", va="bottom", fontsize=8)
     axes.plot(scenario.start.x, scenario.start.y, marker="o", color=BLACK, markersize=4)
     axes.set(xlabel="x, m", ylabel="y, m", aspect="equal")
 

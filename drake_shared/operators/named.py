@@ -119,8 +119,8 @@ def named_operator(name: str) -> NamedOperator:
 def changes_of_route(scenario: Scenario) -> list[tuple[Route, Route]]:
     """Each route that can be left half-way for another, with the next one that can still be driven.
 
-    A route can still be driven if it passes the obstacles of the first half on the same sides; a route with
-    the same sides everywhere is not a change.
+    A route can still be driven if it passes the obstacles of the first half on the same sides; a route to the
+    same goal with the same sides everywhere is not a change.
 
     Raises:
         InputError: No route can be left for another.
@@ -138,7 +138,8 @@ def changes_of_route(scenario: Scenario) -> list[tuple[Route, Route]]:
         possible = (
             other
             for other in others
-            if other.sides != route.sides and all(other.sides[name] == route.sides[name] for name in behind)
+            if (other.sides != route.sides or scenario.goal_of(other) is not scenario.goal_of(route))
+            and all(other.sides[name] == route.sides[name] for name in behind)
         )
         then = next(possible, None)
         if then is not None:

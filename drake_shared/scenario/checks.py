@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from drake_shared.common.errors import InputError
 from drake_shared.robots import scaled_length
 from drake_shared.scenario.obstacles import Obstacle, ObstacleDistance, position_at
+from drake_shared.scenario.passages import widest_passage
 from drake_shared.scenario.paths import passing_side
 from drake_shared.scenario.planar_distance import PlanarDistance
-from drake_shared.scenario.scenario import MOST_STEPS, PLANTS, Route, Scenario
+from drake_shared.scenario.scenario import MOST_STEPS, PLANTS, Goal, Route, Scenario
 
 MAX_NAME = 100
 """Of a scenario, in bytes: with date, number and suffix it must fit the name of a file."""
@@ -24,20 +25,23 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
     """Makes sure that a trial can be run in ``scenario``.
 
     Raises:
-        InputError: A value is not finite, or not positive where it must be; start, goal or a route lies
-            outside the workspace or closer to an obstacle than the footprint's radius; or a route passes an
-            obstacle on another side than its ``sides`` have it.
+        InputError: A value is not finite, or not positive where it must be; start, a goal or a route lies
+            outside the workspace or closer to an obstacle than the footprint's radius; a goal has no route,
+            or the obstacles leave no way to it; or a route passes an obstacle on another side than its
+            ``sides`` have it, or leads through another goal.
     """
     _check_finite(scenario, "", source)
+    if scenario.goals and scenario.goal != scenario.goals[0]:
+        raise InputError(source, "goal", "must be left out where goals are given", scenario.goal)
     _check_sizes(scenario, source)
     space = scenario.workspace
-    placed: list[tuple[str, Any]] = [("start", scenario.start), ("goal", scenario.goal)]
-    placed += [(f"obstacles: {item.name}", item) for item in scenario.static_obstacles]
+    ends: list[tuple[str, Any]] = [("start", scenario.start), *_named_goals(scenario)]
+    placed = ends + [(f"obstacles: {item.name}", item) for item in scenario.static_obstacles]
     for field, item in placed:
         if not space.contains(item.x, item.y):
             raise InputError(source, field, "must lie inside the workspace", f"({item.x}, {item.y})")
     distance = PlanarDistance(scenario.static_obstacles)
-    for field, point in (("start", scenario.start), ("goal", scenario.goal)):
+    for field, point in ends:
         gap = _clearance(scenario, distance, np.array([[point.x, point.y]]))
         if gap <= 0:
             raise InputError(
@@ -48,11 +52,36 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
             _check_moving(scenario, item, source)
     for route in scenario.routes:
         _check_route(scenario, route, distance, source)
+    reached = [id(scenario.goal_of(route)) for route in scenario.routes]
+    for field, goal in _named_goals(scenario):
+        if id(goal) not in reached:
+            _check_passage(scenario, goal, source)
+            raise InputError(source, field, "must have a route that leads to it")
+
+
+def _named_goals(scenario: Scenario) -> list[tuple[str, Goal]]:
+    """Each goal with the field that holds it."""
+    if not scenario.goals:
+        return [("goal", scenario.goal)]
+    return [(f"goals: {goal.name}", goal) for goal in scenario.goals]
+
+
+def _check_passage(scenario: Scenario, goal: Goal, source: str | os.PathLike[str]) -> None:
+    """Checks that the obstacles leave a way to ``goal`` that is as wide as the robot."""
+    width, needed = widest_passage(scenario, goal), 2.0 * scenario.robot.footprint_radius
+    if width < needed:
+        field = next(name for name, item in _named_goals(scenario) if item is goal)
+        expected = (
+            f"must be reachable: the robot is {needed:.3f} m wide; the widest way between the obstacles"
+        )
+        raise InputError(source, field, f"{expected} from the start has about {width:.3f} m")
 
 
 def _check_finite(item: Any, field: str, source: str | os.PathLike[str]) -> None:
     """Checks that every number in the dataclass ``item`` is finite; YAML allows .nan and .inf."""
     for entry in dataclasses.fields(item):
+        if isinstance(item, Scenario) and item.goals and entry.name == "goal":
+            continue
         name = f"{field}.{entry.name}" if field else entry.name
         _check_value(getattr(item, entry.name), name, source)
 
@@ -89,7 +118,7 @@ def _check_sizes(scenario: Scenario, source: str | os.PathLike[str]) -> None:
     robot, space = scenario.robot, scenario.workspace
     _check_name(scenario.name, source)
     positive = {f"{name}": getattr(scenario, name) for name in ("duration", "control_period", "travel_time")}
-    positive |= {"goal.radius": scenario.goal.radius}
+    positive |= {f"{field}.radius": goal.radius for field, goal in _named_goals(scenario)}
     positive |= {
         f"robot.{item.name}": getattr(robot, item.name)
         for item in dataclasses.fields(robot)
@@ -124,6 +153,7 @@ def _check_sizes(scenario: Scenario, source: str | os.PathLike[str]) -> None:
     for field, names in (
         ("obstacles", [item.name for item in scenario.obstacles]),
         ("routes", [route.name for route in scenario.routes]),
+        ("goals", [goal.name for goal in scenario.goals]),
     ):
         if not all(name.strip() for name in names):
             raise InputError(source, field, "must all have a name")
@@ -174,7 +204,8 @@ def _check_route(
         raise InputError(source, field, "must have at least two waypoints [x, y]", route.waypoints)
     if any(math.dist(a, b) < 1e-6 for a, b in zip(route.waypoints, route.waypoints[1:], strict=False)):
         raise InputError(source, field, "must not have a waypoint twice in a row")
-    ends = (("start", scenario.start, route.waypoints[0]), ("goal", scenario.goal, route.waypoints[-1]))
+    goal = scenario.goal_of(route)
+    ends = (("start", scenario.start, route.waypoints[0]), ("goal", goal, route.waypoints[-1]))
     for name, place, waypoint in ends:
         if math.dist((place.x, place.y), waypoint) > 1e-6:
             raise InputError(source, field, f"must lead from start to goal; it misses the {name}", waypoint)
@@ -188,7 +219,11 @@ def _check_route(
         raise InputError(source, field, "must stay inside the workspace", np.round(positions[outside][0], 3))
     gap = _clearance(scenario, distance, positions)
     if gap <= 0:
+        _check_passage(scenario, goal, source)
         raise InputError(source, field, "must leave the robot free of obstacles", f"{gap:.3f} m of clearance")
+    for other in scenario.all_goals:
+        if other is not goal and np.hypot(*(positions - (other.x, other.y)).T).min() <= other.radius:
+            raise InputError(source, field, f"must not lead through another goal, {other.name}")
     names = {item.name for item in scenario.static_obstacles}
     if set(route.sides) != names:
         raise InputError(

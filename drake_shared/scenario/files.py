@@ -86,6 +86,8 @@ def _read_scenario(text: str, *, source: str | os.PathLike[str], with_lines: boo
         scenario: Scenario = yaml_load_typed(schema=Scenario, data=text)
     except Exception as error:  # It raises RuntimeError, yaml.YAMLError, TypeError and others.
         raise InputError(source, "", f"cannot be read as a scenario: {error}") from error
+    if scenario.goals and "goal" not in {key.value for key, _ in root.value}:
+        scenario.goal = scenario.goals[0]
     for item in scenario.obstacles:
         if item.path and math.isnan(item.x) and math.isnan(item.y):
             check_obstacle_path(item, source)

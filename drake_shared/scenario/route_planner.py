@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from drake_shared.robots import scaled_length
 from drake_shared.scenario.planar_distance import PlanarDistance
-from drake_shared.scenario.scenario import Scenario
+from drake_shared.scenario.scenario import Goal, Scenario
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -35,32 +35,38 @@ _POINTS = 101
 
 @dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedRoute:
-    """A smooth path from start to goal.
+    """A smooth path from start to a goal.
 
     Attributes:
         points: Shape (101, 2), in [m], world frame, at equal distances along the path.
         passes: Whether each of the obstacles between start and goal is passed on its left: name and bool.
         cost: Length in [m], longer where the path is near an obstacle.
+        goal: At its end.
     """
 
     points: Floats
     passes: dict[str, bool]
     cost: float
+    goal: Goal
 
 
 def plan_routes(scenario: Scenario, *, most: int = 8, longest: float = 1.6) -> list[PlannedRoute]:
-    """The cheapest route of each way of passing the static obstacles, the cheapest way first.
+    """The cheapest route of each way of passing the static obstacles, by goal, the cheapest way first.
 
     Args:
         scenario: The task. Moving obstacles are left out.
-        most: Largest number of routes.
-        longest: Largest cost of a route, as a multiple of the least one.
+        most: Largest number of routes to a goal.
+        longest: Largest cost of a route, as a multiple of the least one to the same goal.
 
     Returns:
-        The routes; none if the goal cannot be reached, or if the workspace is too large to be searched with
-        cells smaller than the robot.
+        The routes; none to a goal that cannot be reached, and none if the workspace is too large to be
+        searched with cells smaller than the robot.
     """
-    search = _Search(scenario)
+    return [route for goal in scenario.all_goals for route in _routes_to(scenario, goal, most, longest)]
+
+
+def _routes_to(scenario: Scenario, goal: Goal, most: int, longest: float) -> list[PlannedRoute]:
+    search = _Search(scenario, goal)
     if search.is_too_large:
         return []
     found: list[PlannedRoute] = []
@@ -69,7 +75,7 @@ def plan_routes(scenario: Scenario, *, most: int = 8, longest: float = 1.6) -> l
             break
         points = np.concatenate([[search.start], search.places[cells], [search.goal]])
         passes = {name: bool(way >> bit & 1) for bit, name in enumerate(search.names)}
-        found.append(PlannedRoute(points=search.smoothed(points), passes=passes, cost=cost))
+        found.append(PlannedRoute(points=search.smoothed(points), passes=passes, cost=cost, goal=goal))
     return found
 
 
@@ -90,13 +96,13 @@ class _Search:
         names: Of the obstacles between start and goal: bit k of a way is that of names[k].
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, goal: Goal) -> None:
         robot, space = scenario.robot, scenario.workspace
         self._scale = scaled_length(robot, 1.0)
         self._radius = robot.footprint_radius
         self._distance = PlanarDistance(scenario.static_obstacles)
         self.start = np.array([scenario.start.x, scenario.start.y])
-        self.goal = np.array([scenario.goal.x, scenario.goal.y])
+        self.goal = np.array([goal.x, goal.y])
         to_goal = self.goal - self.start
         self._length = float(np.hypot(*to_goal))
         self._along = to_goal / self._length

@@ -40,6 +40,8 @@ class Goal:
     z: float = 0.0
     """For robots whose position has a z."""
     radius: float = 0.2
+    name: str = ""
+    """Needed where a scenario has several goals."""
 
     def position(self, names: Sequence[str]) -> tuple[float, ...]:
         """The coordinates of the goal that a robot's ``position_names`` name, in [m].
@@ -70,7 +72,7 @@ class Workspace:
 
 @dataclasses.dataclass(kw_only=True)
 class Route:
-    """An instructed path from start to goal."""
+    """An instructed path from start to a goal: the one at its last waypoint."""
 
     name: str = ""
     waypoints: list[list[float]] = dataclasses.field(default_factory=list)
@@ -101,6 +103,9 @@ class Scenario:
     name: str = ""
     start: Start = dataclasses.field(default_factory=Start)
     goal: Goal = dataclasses.field(default_factory=Goal)
+    """The goal; the first one where there are several."""
+    goals: list[Goal] = dataclasses.field(default_factory=list)
+    """All goals where there are several, in place of ``goal``; a trial ends at any of them."""
     workspace: Workspace = dataclasses.field(default_factory=Workspace)
     robot: DiffDrive = dataclasses.field(default_factory=DiffDrive)
     obstacles: list[Circle | Box] = dataclasses.field(default_factory=list)
@@ -109,9 +114,18 @@ class Scenario:
     """Time after which a trial is over."""
     control_period: float = 0.05
     travel_time: float = 11.0
-    """Time in which an unhurried operator drives from start to goal."""
+    """Time in which an unhurried operator drives from start to a goal."""
     plant: str = "kinematic"
     """"kinematic": wheels that never slip; "dynamic": mass, friction and motors."""
+
+    def __post_init__(self) -> None:
+        if self.goals and math.isnan(self.goal.x):
+            self.goal = self.goals[0]
+
+    @property
+    def all_goals(self) -> list[Goal]:
+        """The goals, of which there is at least one."""
+        return self.goals or [self.goal]
 
     @property
     def static_obstacles(self) -> list[Circle | Box]:
@@ -126,6 +140,15 @@ class Scenario:
     def path_of(self, route: Route) -> RoutePath:
         """The curve of ``route``, with points as close as suits the size of the robot."""
         return route.path(self.start, spacing=scaled_length(self.robot, SPACING))
+
+    def goal_of(self, route: Route) -> Goal:
+        """The goal to which ``route`` leads: the one nearest to its last waypoint."""
+        return self.goal_at(route.waypoints[-1])
+
+    def goal_at(self, position: Sequence[float]) -> Goal:
+        """The goal nearest to a position, with x and y first, in [m]."""
+        x, y, *_ = position
+        return min(self.all_goals, key=lambda goal: math.dist((goal.x, goal.y), (x, y)))
 
     def route(self, name: str) -> Route:
         """The route of that name.

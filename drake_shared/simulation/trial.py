@@ -208,7 +208,7 @@ class RunningTrial:
 
     @property
     def reached(self) -> bool:
-        """Whether the robot is at the goal, by the last row of the log.
+        """Whether the robot is at a goal, by the last row of the log.
 
         An operator with a period of its own makes steps between the rows, at which the pose is already that
         of the next row: by the pose the log would end before its robot arrives.
@@ -270,14 +270,15 @@ def run_trial(
 
 
 def _goal_check(scenario: Scenario, parts: SharedControl, log: VectorLog) -> Callable[[], bool]:
-    """A function that tells whether the last row of ``log`` is at the goal."""
+    """A function that tells whether the last row of ``log`` is at a goal."""
     names = parts.robot.position_names
     rows = [parts.columns.index(name) for name in names]
-    goal, radius = scenario.goal.position(names), scenario.goal.radius
+    goals = [(goal.position(names), goal.radius) for goal in scenario.all_goals]
 
     def is_at_goal() -> bool:
         last = log.data()[:, -1].tolist()
-        return math.hypot(*[last[row] - x for row, x in zip(rows, goal, strict=True)]) <= radius
+        position = [last[row] for row in rows]
+        return any(math.dist(position, goal) <= radius for goal, radius in goals)
 
     return is_at_goal
 

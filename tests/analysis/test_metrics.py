@@ -375,3 +375,23 @@ def test_one_trial_has_no_interval_and_no_trials_are_refused():
     }
     with pytest.raises(InputError, match="trials"):
         summarize([])
+
+
+def test_reaching_another_goal_than_the_one_meant_is_no_intent_success(make):
+    def ended_at(y, **metadata):
+        goals = [{"name": "shelf", "x": 5.0, "y": 1.0, "radius": 0.2}]
+        goals += [{"name": "dock", "x": 5.0, "y": -1.0, "radius": 0.2}]
+        trial = make(y=[0.0, y, y, y, y], metadata={"route": "to_shelf", **metadata})
+        routes = [
+            {"name": f"to_{goal['name']}", "waypoints": [[0.0, 0.0], [goal["x"], goal["y"]]], "sides": {}}
+            for goal in goals
+        ]
+        trial.metadata["scenario"] |= {"goal": goals[0], "goals": goals, "routes": routes}
+        return metrics(trial)
+
+    assert (ended_at(1.0)["intent_success"], ended_at(1.0)["wrong_goal"]) == (True, False)
+    assert (ended_at(-1.0)["intent_success"], ended_at(-1.0)["wrong_goal"]) == (False, True)
+    assert ended_at(-1.0, then="to_dock")["intent_success"]
+    assert ended_at(-1.0, route=None)["wrong_goal"] is None
+    missed = ended_at(0.0, status="timed_out")
+    assert (missed["intent_success"], missed["wrong_goal"]) == (False, False)

@@ -62,7 +62,7 @@ def test_a_conflict_is_felt_on_the_side_of_the_agent_and_ends_with_the_driver(dr
 
 
 def test_a_tone_without_messages_ends_within_200_ms(browser_context, cockpit):
-    """Rendered offline: what is heard at a time of the audio's clock does not depend on the machine's load."""
+    """Rendered offline: what is heard at a time of the audio's clock does not depend on the load."""
     page = browser_context.new_page()
     page.goto(cockpit.address)
     samples = page.evaluate(

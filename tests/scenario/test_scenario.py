@@ -85,7 +85,7 @@ def test_the_default_is_the_task_of_the_paper():
     ]
     assert (scenario.duration, scenario.control_period) == (15.0, 0.05)
     assert dataclasses.astuple(scenario.start) == (0.0, 0.0, 0.0)
-    assert dataclasses.astuple(scenario.goal) == (5.0, 0.0, 0.0, 0.2)
+    assert dataclasses.astuple(scenario.goal) == (5.0, 0.0, 0.0, 0.2, "")
 
 
 def test_the_default_robot_is_the_p3dx():

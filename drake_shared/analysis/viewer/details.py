@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drake_shared.analysis.glossary import OF_TRIALS
 from drake_shared.analysis.metrics import metrics
+from drake_shared.analysis.scene_data import describe_goals
 from drake_shared.analysis.viewer.catalogue import Entry
 from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import Demonstration, read_demonstrations
@@ -107,7 +108,7 @@ def _figure(name: str, value: Any, unit: str, better: str, meaning: str) -> dict
 
 
 def _scene(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Workspace, obstacles, start, goal and routes of a scenario; what cannot be read is left out."""
+    """Workspace, obstacles, start, goals and routes of a scenario; what cannot be read is left out."""
     try:
         scenario = scenario_from_dict(data)
     except InputError:
@@ -128,7 +129,7 @@ def _scene(data: Mapping[str, Any]) -> dict[str, Any]:
         "workspace": [space.x_min, space.x_max, space.y_min, space.y_max],
         "obstacles": obstacles,
         "start": [scenario.start.x, scenario.start.y, scenario.start.yaw],
-        "goal": [scenario.goal.x, scenario.goal.y, scenario.goal.radius],
+        "goals": describe_goals(scenario),
         "robot": scenario.robot.footprint_radius,
         "routes": routes,
     }

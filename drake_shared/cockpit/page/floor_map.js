@@ -1,4 +1,4 @@
-// Draws a task and the ways driven in it from above: workspace, obstacles, start, goal, routes and paths.
+// Draws a task and the ways driven in it from above: workspace, obstacles, start, goals, routes and paths.
 // Lengths in m from the middle of the workspace, y up.
 
 import { svg } from "./svg.js";
@@ -28,7 +28,7 @@ export class FloorMap {
     this.element.append(
       svg("rect", { class: "floor", x: -width / 2, y: -height / 2, width, height, rx: this.#unit / 2 }),
       ...scene.obstacles.map((obstacle) => this.#drawObstacle(obstacle)),
-      this.#circle("goal", scene.goal, scene.goal[2]),
+      ...scene.goals.map((goal) => this.#drawGoal(goal)),
       this.#circle("start", scene.start, 0.3 * scene.robot_radius),
       this.#instructed,
       this.#predicted,
@@ -120,6 +120,12 @@ export class FloorMap {
     element.setAttribute("transform", `translate(${x} ${y}) rotate(${(-180 / Math.PI) * yaw})`);
     this.#obstacles.push({ obstacle, element });
     return element;
+  }
+
+  #drawGoal({ x, y, radius, name }) {
+    const circle = this.#circle("goal", [x, y], radius);
+    circle.append(svg("title", {}, name));
+    return circle;
   }
 
   #circle(name, place, r) {

@@ -153,10 +153,10 @@ export class Scene {
 
   #showLabels() {
     if (!this.#task) return;
-    const { start, goal, scaleBar, unit } = this.#task;
+    const { start, goals, scaleBar, unit } = this.#task;
     const middle = [scaleBar.at[0] + scaleBar.length / 2, scaleBar.at[1]];
     const labels = [
-      { kind: "goal", at: [goal[0], goal[1] + goal[2]], text: "Goal" },
+      ...goals.map(({ x, y, radius, name }) => ({ kind: "goal", at: [x, y + radius], text: name })),
       { kind: "start", at: [start[0], start[1] - 0.4 * unit], text: "Start" },
       { kind: "scale", at: middle, text: describeLength(scaleBar.length) },
       ...this.#trail.labels(),

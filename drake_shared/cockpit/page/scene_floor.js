@@ -140,7 +140,7 @@ export class Floor {
   }
 
   #paintEnds(context) {
-    const { start, goal, unit } = this.#task;
+    const { start, goals, unit } = this.#task;
     const ring = (x, y, radius, width, color, alpha) => {
       context.globalAlpha = alpha;
       context.strokeStyle = color;
@@ -151,15 +151,16 @@ export class Floor {
       context.globalAlpha = 1;
     };
     const green = this.#theme.css("goal");
-    const [gx, gy, radius] = goal;
-    context.globalAlpha = 0.28;
-    context.fillStyle = green;
-    context.beginPath();
-    context.arc(gx, gy, radius, 0, 2 * Math.PI);
-    context.fill();
-    ring(gx, gy, radius, 0.16 * radius, green, 1);
-    ring(gx, gy, 0.58 * radius, 0.14 * radius, green, 1);
-    ring(gx, gy, 0.2 * radius, 0.2 * radius, green, 1);
+    for (const { x, y, radius } of goals) {
+      context.globalAlpha = 0.28;
+      context.fillStyle = green;
+      context.beginPath();
+      context.arc(x, y, radius, 0, 2 * Math.PI);
+      context.fill();
+      ring(x, y, radius, 0.16 * radius, green, 1);
+      ring(x, y, 0.58 * radius, 0.14 * radius, green, 1);
+      ring(x, y, 0.2 * radius, 0.2 * radius, green, 1);
+    }
     const [sx, sy, yaw] = start;
     const purple = this.#theme.css("start");
     ring(sx, sy, 0.1 * unit, 0.025 * unit, purple, 1);

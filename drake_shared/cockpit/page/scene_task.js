@@ -19,7 +19,10 @@ export function localTask(message) {
     move,
     step: roundLength(Math.max(0.5 * unit, Math.max(width, depth) / 40)),
     start: [...move(message.start), message.start[2]],
-    goal: [...move(message.goal), message.goal[2]],
+    goals: message.goals.map((goal) => {
+      const [x, y] = move([goal.x, goal.y]);
+      return { ...goal, x, y };
+    }),
     // Those that stand still; Meshcat moves the others.
     obstacles: message.obstacles
       .filter((item) => !item.path?.length)

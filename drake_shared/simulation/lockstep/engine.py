@@ -169,16 +169,17 @@ class _Run:
         }
 
     def to_end(self) -> tuple[Floats, NDArray[np.int64], NDArray[np.bool_]]:
-        """Log (steps + 1, columns, n), number of rows (n,) of each trial, and which reached the goal."""
+        """Log (steps + 1, columns, n), number of rows (n,) of each trial, and which reached a goal."""
         steps = self._scenario.steps
-        goal = self._scenario.goal
+        goals = self._scenario.all_goals
         log = np.empty((steps + 1, self._columns, self._count))
         lengths, reached = np.full(self._count, steps + 1), np.zeros(self._count, bool)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             for step in range(steps + 1):
                 state = self._state
                 pose = state["pose"]
-                at_goal = np.hypot(pose[0] - goal.x, pose[1] - goal.y) <= goal.radius
+                away = [np.hypot(pose[0] - goal.x, pose[1] - goal.y) - goal.radius for goal in goals]
+                at_goal = np.min(away, axis=0) <= 0.0
                 ends = at_goal & self._ends_at_goal
                 log[step][:, state["row"]] = self._step(step, last=step == steps)
                 if step == steps:

@@ -15,7 +15,7 @@ from drake_shared.learners.ensemble.learner import EnsembleLearner
 from drake_shared.learners.mixture.learner import MixtureLearner
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.named import OPERATORS, changes_of_route
-from drake_shared.scenario import load_scenario
+from drake_shared.scenario import Goal, load_scenario
 from drake_shared.simulation.config import SharedControlConfig, config_for
 from drake_shared.simulation.lockstep.engine import Lockstep
 from drake_shared.simulation.lockstep.noise import is_drakes
@@ -163,6 +163,15 @@ def test_collisions():
     ]
     trials = check_equal(simulation, clumsy)
     assert sum(trial["contact"].any() for trial in trials) > len(trials) / 2
+
+
+def test_the_trial_ends_at_any_of_several_goals():
+    scenario = copy.deepcopy(load_scenario("two_obstacles"))
+    scenario.goals = [Goal(name="near", x=2.5, y=0.0), Goal(name="side", x=3.6, y=0.9)]
+    trials = check_equal(
+        Simulation(scenario), [TrialSettings(route=name) for name in ("left_right", "left_left")]
+    )
+    assert [trial.status for trial in trials] == ["reached", "reached"]
 
 
 def test_another_robot_and_period():

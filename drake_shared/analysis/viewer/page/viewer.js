@@ -265,10 +265,11 @@ function drawScene(map, scene, X, Y, scale) {
         transform: `rotate(${-item.yaw * 180 / Math.PI} ${X(item.x)} ${Y(item.y)})`, ...style,
       }, title));
   }
-  const [gx, gy, radius] = scene.goal;
-  map.append(
-    shape("circle", { cx: X(gx), cy: Y(gy), r: radius * scale, fill: "var(--goal)", "fill-opacity": 0.2, stroke: "var(--goal)" }),
-    shape("text", { x: X(gx), y: Y(gy) - radius * scale - 5, "text-anchor": "middle" }, "goal"));
+  for (const { x, y, radius, name } of scene.goals) {
+    map.append(
+      shape("circle", { cx: X(x), cy: Y(y), r: radius * scale, fill: "var(--goal)", "fill-opacity": 0.2, stroke: "var(--goal)" }),
+      shape("text", { x: X(x), y: Y(y) - radius * scale - 5, "text-anchor": "middle" }, name));
+  }
   const [sx, sy] = scene.start;
   map.append(
     shape("circle", { cx: X(sx), cy: Y(sy), r: scene.robot * scale, fill: "none", stroke: "var(--soft)", "stroke-dasharray": "3 3" }),
