@@ -12,6 +12,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "drake_shared"
 # From top to bottom. A room imports rooms of lower floors only.
 FLOORS = (
     ("cli",),
+    ("study",),
     ("experiments", "cockpit"),
     ("analysis",),
     ("simulation",),

@@ -45,15 +45,22 @@ def help_of(*command: str) -> str:
 
 
 def commands() -> list[str]:
-    """Names of all commands."""
-    found = re.search(r"\{([\w,-]+)\}", help_of())
-    assert found, "the usage names no commands"
-    return found[1].split(",")
+    """Names of all commands, and of those below them, such as "study plan"."""
+    found = []
+    for command in _names_in(help_of()):
+        below = _names_in(help_of(command).splitlines()[0])
+        found += [f"{command} {name}" for name in below] or [command]
+    return found
+
+
+def _names_in(usage: str) -> list[str]:
+    found = re.search(r" \{([\w,-]+)\}", usage)
+    return found[1].split(",") if found else []
 
 
 def options_of(command: str) -> tuple[str, list[Option]]:
     """What a command does, and its options."""
-    text = help_of(command)
+    text = help_of(*command.split())
     summary = " ".join(re.split(r"\n\s*\n", text)[1].split())
     rows: list[list[str]] = []
     for line in text.splitlines()[1:]:
@@ -81,7 +88,7 @@ class CommandLine(Directive):
         sections: list[nodes.Node] = []
         for command in commands():
             summary, options = options_of(command)
-            section = nodes.section(ids=[f"command-{command}"], names=[command])
+            section = nodes.section(ids=[f"command-{command.replace(' ', '-')}"], names=[command])
             section += nodes.title(text=command)
             section += nodes.paragraph(text=summary)
             rows = [

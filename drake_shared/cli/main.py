@@ -35,6 +35,7 @@ COMMANDS = {
     "lineage": "lineage:Lineage",
     "list": "list:List",
     "show": "show:Show",
+    "study": "study:StudyCommand",
     "replay": "replay:Replay",
     "reproduce": "reproduce:Reproduce",
     "benchmark": "benchmark:Benchmark",
