@@ -184,8 +184,9 @@ def test_the_page_filters_opens_and_lays_trials_over_each_other(viewer, folder, 
     path = find_chromium()
     if path is None:
         pytest.skip("no Chromium: install it or set DRAKE_SHARED_CHROMIUM")
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import expect, sync_playwright
 
+    expect.set_options(timeout=30_000)
     write_page(Catalogue(folder), tmp_path / "page.html")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM_ARGUMENTS))
@@ -195,30 +196,35 @@ def test_the_page_filters_opens_and_lays_trials_over_each_other(viewer, folder, 
             page.on("pageerror", lambda error, errors=errors: errors.append(error))
             page.goto(address)
             page.wait_for_selector("#view:not([hidden])")
-            assert page.locator("#rows tr").count() == 8
+            expect(page.locator("#rows tr")).to_have_count(8)
             if address.startswith("file:"):
                 page.wait_for_function("document.querySelectorAll('#map path').length > 3")
                 assert errors == []
                 continue
             page.select_option("#driver", "person")
-            assert page.locator("#rows tr").count() == 1
+            expect(page.locator("#rows tr")).to_have_count(1)
             page.click("#rows tr td.name button")
             page.wait_for_function("document.querySelector('#subtitle').textContent.includes('stopped')")
             page.select_option("#driver", "*")
             page.fill("#search", "several")
+            expect(page.locator("#rows tr")).to_have_count(2)
             for index in range(2):
                 page.locator("#rows input").nth(index).check()
             page.wait_for_function("document.querySelectorAll('#legend span').length === 3")
             page.wait_for_function("document.querySelectorAll('#figures thead th.number').length === 3")
             page.fill("#search", "nan")
+            expect(page.locator("#rows tr")).to_have_count(1)
             page.click("#rows tr td.name button")
             page.wait_for_function("document.querySelector('#title').textContent === 'nan'")
+            page.wait_for_selector("#charts path", state="attached")
             # NaN leaves gaps in the curves and in the path.
             curves = page.locator("#charts path").evaluate_all("all => all.map(one => one.getAttribute('d'))")
             assert any(curve.count("M") > 5 for curve in curves)
             assert not any("NaN" in curve for curve in curves)
             page.set_viewport_size({"width": 390, "height": 844})
-            overflow = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-            assert page.evaluate(overflow) == 0
+            page.wait_for_function("innerWidth === 390")
+            page.wait_for_function(
+                "document.documentElement.scrollWidth === document.documentElement.clientWidth"
+            )
             assert errors == []
         browser.close()

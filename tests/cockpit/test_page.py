@@ -45,6 +45,10 @@ class Page:
         for step in range(1, steps + 1):
             self.page.mouse.move(x, y - counts * step / steps)
 
+    def wait_until_drawn(self):
+        """Waits until the scene shows several colours. With a graphics card its pixels cannot be read."""
+        self.page.wait_for_function(f"({COLORS})() > 5")
+
     def wait_for_phase(self, phase: str):
         self.page.wait_for_selector(f"#deck[data-phase={phase}]")
 
@@ -109,7 +113,7 @@ def assert_saved_and_at_rest(cockpit, trial, status):
     assert cockpit.driver_lock.holder is None
 
 
-# Number of colours in the rendered scene. With a graphics card the pixels cannot be read.
+# Number of colours in the rendered scene.
 COLORS = """() => {
   const canvas = document.querySelector("#meshcat-pane canvas.readback");
   if (!canvas) return Infinity;
@@ -122,16 +126,16 @@ COLORS = """() => {
 def test_the_mouse_drives_to_the_goal_and_the_page_shows_the_result(window, cockpit):
     page = window(drawn=True)
     assert page.page.url == cockpit.origin + "/"
-    assert page.page.is_enabled("#drive")
-    assert page.page.title() == "drake_shared: short_floor"
+    page.page.wait_for_selector("#drive:enabled")
+    page.page.wait_for_function("document.title === 'drake_shared: short_floor'")
     page.engage()
     assert page.page.evaluate("document.pointerLockElement?.id") == "mouse-area"
     assert page.page.is_visible("#mouse-area")
     page.wait_for_phase("armed")
-    assert page.page.evaluate(COLORS) > 5
+    page.wait_until_drawn()
     page.push_forward()
     page.wait_for_phase("finished")
-    assert page.page.evaluate(COLORS) > 5
+    page.wait_until_drawn()
     trial = cockpit.next_trial()
     assert trial.status == "reached"
     assert trial["mouse_y"][-1] < 0
@@ -153,10 +157,10 @@ def test_the_assistance_switch_takes_effect_in_the_next_trial(window, cockpit):
         page.engage()
         page.push_forward()
         trial = cockpit.next_trial(number)
+        assert trial.metadata["mode"] == ("human" if number == 1 else "shared")
+        page.wait_for_text("#assistance-used", "^without" if number == 1 else "^with assistance")
         page.wait_for_text("#outcome", "Goal reached")
         page.page.wait_for_selector("#drive:enabled")
-        assert trial.metadata["mode"] == ("human" if number == 1 else "shared")
-        assert page.text("#assistance-used") == ("without assistance" if number == 1 else "with assistance")
         page.page.click("#assist-row")
     assert cockpit.trials[1]["x"][0] == 0.0
 
@@ -176,15 +180,17 @@ def test_the_page_shows_the_running_trial(driving):
     driving.wait_for_text("#speed", r"0\.[1-9]\d m/s")
     driving.page.wait_for_function("+document.querySelector('#time-left').innerText < 59.9")
     # The knob of the stick plot is at the upper end.
-    assert "-0." in driving.page.get_attribute("#stick-plot .knob", "transform")
+    driving.page.wait_for_selector("#stick-plot .knob[transform*='-0.']", state="attached")
 
 
-def test_hands_off_stops_the_robot_and_is_shown(long_cockpit, browser_context):
+def test_hands_off_stops_the_robot_and_is_shown(long_cockpit, browser_context, until):
     page = Page(browser_context, long_cockpit).open().engage()
-    page.page.keyboard.press("ArrowUp", delay=400)
+    page.page.keyboard.down("ArrowUp")
+    until(lambda: np.all(long_cockpit.command > 0), "the robot to be driven")
+    page.page.keyboard.up("ArrowUp")
     page.wait_for_reason("hands_off")
     page.wait_for_text("#speed", r"0\.00 m/s")
-    page.page.keyboard.press("ArrowUp", delay=400)
+    page.page.keyboard.down("ArrowUp")
     page.wait_for_reason("sure")
     page.page.keyboard.press("Escape")
     assert long_cockpit.next_trial().status == "stopped"
@@ -221,7 +227,7 @@ def test_reloading_stops_the_robot_and_needs_a_fresh_click(driving, long_cockpit
     assert_saved_and_at_rest(cockpit, trial, "page_closed")
     driving.wait_for_phase("finished")
     driving.push_forward()
-    assert driving.page.get_attribute("body", "data-driver-lock") == "free"
+    driving.page.wait_for_selector("body[data-driver-lock=free]")
     assert cockpit.driver_lock.holder is None
 
 
@@ -280,10 +286,13 @@ def test_settings_take_effect_and_show_on_every_window(window, cockpit, until):
     second.page.hover("#stick-test-plot", position={"x": 65, "y": 110})
     before = second.page.get_attribute("#stick-test-plot .knob", "transform")
     second.page.mouse.move(*middle_of(second, "#stick-test-plot"), steps=20)
-    assert second.page.get_attribute("#stick-test-plot .knob", "transform") != before
+    second.page.wait_for_function(
+        "(before) => document.querySelector('#stick-test-plot .knob').getAttribute('transform') !== before",
+        arg=before,
+    )
 
 
-def test_a_window_that_sends_bad_messages_is_disconnected_and_the_drive_goes_on(driving, long_cockpit):
+def test_a_window_that_sends_bad_messages_is_disconnected_and_the_drive_goes_on(driving, long_cockpit, until):
     closed = driving.page.evaluate(
         """async () => {
           const closed = [];
@@ -301,8 +310,7 @@ def test_a_window_that_sends_bad_messages_is_disconnected_and_the_drive_goes_on(
     assert [code for code, _ in closed] == [1008, 1008, 1009]
     assert all(reason for _, reason in closed)
     before = long_cockpit.mouse.readings[-1][1]
-    driving.page.wait_for_timeout(100)
-    assert long_cockpit.mouse.readings[-1][1] > before
+    until(lambda: long_cockpit.mouse.readings[-1][1] > before, "the next message of the driver")
     assert driving.page.get_attribute("body", "data-driver-lock") == "yours"
 
 

@@ -93,7 +93,7 @@ class Inspector:
 
     def inspect(self, state: str, *, driving: bool = False):
         for width, height in SIZES:
-            self._page.set_viewport_size({"width": width, "height": height})
+            self._resize(width, height)
             where = f"{state} at {width}x{height}: "
             self.faults += [where + fault for fault in self._page.evaluate(FAULTS)]
             if driving and height >= 400:
@@ -102,13 +102,17 @@ class Inspector:
         for theme in ("light", "dark"):
             self._page.evaluate("(theme) => { document.documentElement.dataset.theme = theme; }", theme)
             for size in ((1280, 800), (390, 844)):
-                self._page.set_viewport_size({"width": size[0], "height": size[1]})
+                self._resize(*size)
                 found = Axe().run(self._page, options=AXE_OPTIONS).response["violations"]
                 self.faults += [
                     f"{state}, {theme}, {size}: {violation['id']}: {node['target']} {node['failureSummary']}"
                     for violation in found
                     for node in violation["nodes"]
                 ]
+
+    def _resize(self, width: int, height: int):
+        self._page.set_viewport_size({"width": width, "height": height})
+        self._page.wait_for_function(f"() => innerWidth === {width} && innerHeight === {height}")
 
 
 NOW = {
@@ -170,6 +174,8 @@ def stage(human_trial, until):
 
 @pytest.fixture
 def page(browser_context, stage):
+    # The page of the last test may still be closing.
+    stage.until(lambda: stage.driver_lock.holder is None, "a free driver lock")
     stage.set_phase("ready")
     page = browser_context.new_page()
     page.goto(stage.address)
@@ -198,6 +204,7 @@ def test_every_state_is_whole_at_every_size_and_accessible(page, stage):
     page.wait_for_selector("body[data-driver-lock=yours]")
     stage.set_phase("driving")
     stage.set_now("contact", contact=1.0)
+    page.wait_for_selector("#deck[data-phase=driving]")
     page.wait_for_selector("#why[data-reason=contact]")
     inspector.inspect("driving", driving=True)
     assert inspector.faults == [], "\n".join(inspector.faults)
@@ -255,7 +262,7 @@ def test_two_drives_are_replayed_beside_each_other(page):
     page.click("#intro-skip")
     page.click("#tab-history")
     page.wait_for_selector("#replay-time")
-    assert page.locator(".replay figure").count() == 2
+    page.wait_for_function("() => document.querySelectorAll('.replay figure').length === 2")
     robots = page.locator(".replay .robot")
     end = robots.first.get_attribute("transform")
     page.fill("#replay-time", "0")
@@ -298,7 +305,9 @@ def test_a_touch_stick_drives_and_springs_back(browser, stage):
 def test_the_keyboard_alone_suffices(browser_context, cockpit):
     page = browser_context.new_page()
     page.goto(cockpit.address)
-    page.wait_for_selector("#deck[data-phase=ready], #deck[data-phase=finished]")
+    page.wait_for_selector("#drive:enabled")
+    page.wait_for_selector("#tab-setup")
+    page.wait_for_selector("#choice-route")
     reached = set()
     page.evaluate("document.body.tabIndex = -1; document.body.focus()")
     for _ in range(30):
@@ -334,7 +343,6 @@ def test_without_webgl_and_pointer_lock_one_drives_on_a_flat_drawing(browser_con
     page.goto(stage.address)
     page.wait_for_selector("#deck[data-phase=ready]")
     page.click("#intro-skip")
-    robot = page.locator("#flat-scene .robot")
     inspector = Inspector(page)
     inspector.inspect("without WebGL")
     assert inspector.faults == [], "\n".join(inspector.faults)
@@ -346,7 +354,8 @@ def test_without_webgl_and_pointer_lock_one_drives_on_a_flat_drawing(browser_con
     for reason, x in (("sure", 0.2), ("contact", 0.7)):
         stage.set_now(reason, x=x)
         page.wait_for_selector(f"#why[data-reason={reason}]")
-        assert robot.get_attribute("transform").startswith(f"translate({x - 2.5:g} ")
+        at = f"[transform^='translate({x - 2.5:g} ']"
+        page.wait_for_selector(f"#flat-scene .robot{at}", state="attached")
     page.mouse.move(400, 300)
     page.mouse.move(400, 250, steps=5)
     stage.until(lambda: stage.driver_lock.latest().y < 0, "the mouse")
