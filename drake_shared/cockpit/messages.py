@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from typing import Any
 
 from drake_shared.systems.mouse_input import StickSettings
@@ -76,6 +77,9 @@ class Setup:
     arbitration: str
     confidence_gain: float | None
     route: str | None
+    rumble: bool = False
+    tone: bool = False
+    resistance: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -93,13 +97,8 @@ class Discard:
 Request = Setup | Train | Discard
 """What the session does between trials."""
 Message = Engage | Release | Move | Brake | Recentre | SetStick | SetAssist | Request
-
-_COUNTS = (-1e9, 1e9)
-_AXIS = (-1.0, 1.0)
-_TYPES = (
-    *("move", "engage", "release", "brake", "recentre", "stick"),
-    *("assist", "setup", "train", "discard"),
-)
+Reader = Callable[[str, Any], Any]
+"""Returns the value of a field, given its name and what JSON holds; raises MessageError."""
 
 
 def parse(text: str) -> Message:
@@ -116,85 +115,82 @@ def parse(text: str) -> Message:
     if not isinstance(fields, dict):
         raise MessageError("a message must be a JSON object")
     kind = fields.pop("type", None)
-    if kind == "move":
-        _check_names(fields, "x", "y", "forward", "turn")
-        return Move(
-            x=_number(fields, "x", *_COUNTS),
-            y=_number(fields, "y", *_COUNTS),
-            forward=_number(fields, "forward", *_AXIS),
-            turn=_number(fields, "turn", *_AXIS),
-        )
-    if kind == "engage":
-        _check_names(fields)
-        return Engage()
-    if kind == "release":
-        _check_names(fields)
-        return Release()
-    if kind == "brake":
-        _check_names(fields, "lifted", "paused")
-        return Brake(lifted=_flag(fields, "lifted"), paused=_flag(fields, "paused"))
-    if kind == "recentre":
-        _check_names(fields)
-        return Recentre()
-    if kind == "stick":
-        _check_names(fields, "gain", "dead_zone", "return_time")
-        return SetStick(
-            StickSettings(
-                gain=_number(fields, "gain", 1e-5, 0.1),
-                dead_zone=_number(fields, "dead_zone", 0.0, 0.9),
-                return_time=_number(fields, "return_time", 0.0, 60.0),
-            )
-        )
-    if kind == "assist":
-        _check_names(fields, "on")
-        return SetAssist(_flag(fields, "on"))
-    if kind == "setup":
-        _check_names(fields, "scenario", "learner", "arbitration", "confidence_gain", "route")
-        gain = fields["confidence_gain"]
-        return Setup(
-            scenario=_name(fields, "scenario"),
-            learner=None if fields["learner"] is None else _name(fields, "learner"),
-            arbitration=_name(fields, "arbitration"),
-            confidence_gain=None if gain is None else _number(fields, "confidence_gain", 1e-6, 1e9),
-            route=None if fields["route"] is None else _name(fields, "route"),
-        )
-    if kind == "train":
-        _check_names(fields)
-        return Train()
-    if kind == "discard":
-        _check_names(fields, "number")
-        return Discard(int(_number(fields, "number", 1, 1e9)))
-    raise MessageError(f"type must be {', '.join(_TYPES)}")
-
-
-def _name(fields: dict[str, Any], name: str) -> str:
-    value = fields[name]
-    if not isinstance(value, str):
-        raise MessageError(f"{name} must be text")
-    return value
+    if not isinstance(kind, str) or kind not in _MESSAGES:
+        raise MessageError(f"type must be {', '.join(_MESSAGES)}")
+    make, readers = _MESSAGES[kind]
+    if set(fields) != set(readers):
+        raise MessageError(f"the fields must be: {', '.join(('type', *readers))}")
+    return make(**{name: read(name, fields[name]) for name, read in readers.items()})
 
 
 def _reject_constant(name: str) -> None:
     raise ValueError(f"{name} is not JSON")
 
 
-def _check_names(fields: dict[str, Any], *names: str) -> None:
-    if set(fields) != set(names):
-        raise MessageError(f"the fields must be: {', '.join(('type', *names))}")
+def _text(name: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise MessageError(f"{name} must be text")
+    return value
 
 
-def _flag(fields: dict[str, Any], name: str) -> bool:
-    value = fields[name]
+def _flag(name: str, value: Any) -> bool:
     if not isinstance(value, bool):
         raise MessageError(f"{name} must be true or false")
     return value
 
 
-def _number(fields: dict[str, Any], name: str, low: float, high: float) -> float:
-    value = fields[name]
-    # bool is a subclass of int; an int may be too large for a float.
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise MessageError(f"{name} must be a number")
-    if not low <= value <= high:  # False for NaN as well.
-        raise MessageError(f"{name} must be from {low:g} to {high:g}")
-    return float(value)
+def _number(low: float, high: float) -> Reader:
+    def read(name: str, value: Any) -> float:
+        # bool is a subclass of int; an int may be too large for a float.
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise MessageError(f"{name} must be a number")
+        if not low <= value <= high:  # False for NaN as well.
+            raise MessageError(f"{name} must be from {low:g} to {high:g}")
+        return float(value)
+
+    return read
+
+
+def _index(name: str, value: Any) -> int:
+    return int(_number(1, 1e9)(name, value))
+
+
+def _optional(read: Reader) -> Reader:
+    return lambda name, value: None if value is None else read(name, value)
+
+
+def _set_stick(**settings: float) -> SetStick:
+    return SetStick(StickSettings(**settings))
+
+
+_COUNT = _number(-1e9, 1e9)
+_AXIS = _number(-1.0, 1.0)
+
+_MESSAGES: dict[str, tuple[Callable[..., Message], dict[str, Reader]]] = {
+    "move": (Move, {"x": _COUNT, "y": _COUNT, "forward": _AXIS, "turn": _AXIS}),
+    "engage": (Engage, {}),
+    "release": (Release, {}),
+    "brake": (Brake, {"lifted": _flag, "paused": _flag}),
+    "recentre": (Recentre, {}),
+    "stick": (
+        _set_stick,
+        {"gain": _number(1e-5, 0.1), "dead_zone": _number(0.0, 0.9), "return_time": _number(0.0, 60.0)},
+    ),
+    "assist": (SetAssist, {"on": _flag}),
+    "setup": (
+        Setup,
+        {
+            "scenario": _text,
+            "learner": _optional(_text),
+            "arbitration": _text,
+            "confidence_gain": _optional(_number(1e-6, 1e9)),
+            "route": _optional(_text),
+            "rumble": _flag,
+            "tone": _flag,
+            "resistance": _number(0.0, 1.0),
+        },
+    ),
+    "train": (Train, {}),
+    "discard": (Discard, {"number": _index}),
+}
+"""What makes a message of each type, and what reads its fields."""

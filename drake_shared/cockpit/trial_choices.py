@@ -1,4 +1,4 @@
-"""What a person may choose on the page between trials: scenario, learner, arbiter, K and the route."""
+"""What a person may choose on the page between trials: scenario, learner, arbiter, K, feedback, route."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from drake_shared.arbitration.feedback import Feedback
 from drake_shared.cockpit.messages import Setup
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import models_directory
@@ -34,7 +35,7 @@ class TrialChoices:
     Args:
         scenario: The task at first. The shipped ones can be chosen too.
         learner: The learner at first.
-        config: How control is shared; the page changes its arbiter and K.
+        config: How control is shared; the page changes its arbiter, K and feedback.
         route: Name of the instructed route, ``FREE`` or ``ASK``.
 
     Raises:
@@ -79,12 +80,12 @@ class TrialChoices:
             self.route = None
 
     def choose(self, setup: Setup) -> bool:
-        """Makes a choice. Returns whether scenario, learner, arbiter or K have changed.
+        """Makes a choice. Returns whether anything but the route has changed.
 
         A choice that cannot be made leaves everything as it was, and :attr:`error` says why.
         """
         self.error = None
-        before = (self.scenario.name, self._learner_name, self._arbitration, self._gain)
+        before = self._chosen()
         try:
             scenario = self._find_scenario(setup.scenario)
             name = setup.learner
@@ -99,7 +100,7 @@ class TrialChoices:
             return False
         self.scenario, self.learner, self.config, self.route = scenario, learner, config, route
         self._learner_name = name
-        return before != (self.scenario.name, self._learner_name, self._arbitration, self._gain)
+        return before != self._chosen()
 
     def train(self, trials: Sequence[Trial], folder: Path | None) -> Learner:
         """Trains a learner on drives, chooses it, and saves it to ``folder``.
@@ -117,7 +118,7 @@ class TrialChoices:
             learner = load_learner(path)
         self.learner = learner
         self._learner_name = self._add_learner(learner)
-        self.config = None
+        self.config = config_for(learner.preset, feedback=self._feedback)
         return learner
 
     def describe(self, *, usable_drives: int) -> dict[str, Any]:
@@ -134,6 +135,7 @@ class TrialChoices:
             "learner": self._learner_name,
             "arbitration": self._arbitration,
             "confidence_gain": self._gain,
+            **dataclasses.asdict(self._feedback),
             "own_gain": None if self.learner is None else round(self.learner.confidence_gain, 4),
             "routes": [route.name for route in self.scenario.routes],
             "route": self.route,
@@ -151,9 +153,17 @@ class TrialChoices:
     def _gain(self) -> float | None:
         return None if self.config is None else self.config.confidence_gain
 
+    @property
+    def _feedback(self) -> Feedback:
+        return Feedback() if self.config is None else self.config.feedback
+
+    def _chosen(self) -> tuple[Any, ...]:
+        return self.scenario.name, self._learner_name, self._arbitration, self._gain, self._feedback
+
     def _changed_config(self, learner: Learner | None, setup: Setup) -> SharedControlConfig:
         base = self.config or config_for(None if learner is None else learner.preset)
-        changes: dict[str, Any] = {"confidence_gain": setup.confidence_gain}
+        feedback = Feedback(rumble=setup.rumble, tone=setup.tone, resistance=setup.resistance)
+        changes: dict[str, Any] = {"confidence_gain": setup.confidence_gain, "feedback": feedback}
         if setup.arbitration != base.arbitration:
             fresh = config_for(None if learner is None else learner.preset)
             authority = fresh.authority if setup.arbitration == "blend" else type(fresh.authority)()

@@ -1,4 +1,4 @@
-"""The rows of a trial under way, on disk within half a second, whatever ends the process.
+"""The rows of a trial under way, kept within half a second, whatever ends the process.
 
 A journal lies beside the log that it becomes: an Arrow IPC stream, to which rows are appended. The one who
 writes it holds a lock on it, so that `recover_trials` knows a journal that nobody writes any more.
@@ -39,8 +39,9 @@ Columns = Mapping[str, NDArray[Any]]
 class Journal:
     """Keeps the rows of one trial, and becomes its log.
 
-    A thread of its own writes, since a disk may take longer than a control step. What it cannot write, on a
-    full disk for example, is left to :meth:`finish`, which reports it.
+    A thread of its own writes, since a disk may take longer than a control step. What is written survives the
+    end of the process; a second thread makes it survive a power failure, which on a slow disk takes longer.
+    What cannot be written, on a full disk for example, is left to :meth:`finish`, which reports it.
 
     Args:
         folder: Of the log; created if it does not exist.
@@ -59,8 +60,13 @@ class Journal:
         self.log_path = self._path.with_suffix(".parquet")
         """Where :meth:`finish` writes the log."""
         self._rows: queue.SimpleQueue[Columns | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._write, name="journal", daemon=True)
-        self._thread.start()
+        self._written = threading.Event()
+        self._closed = False
+        self._threads = [
+            threading.Thread(target=work, name="journal", daemon=True) for work in (self._write, self._sync)
+        ]
+        for thread in self._threads:
+            thread.start()
 
     def append(self, rows: Columns) -> None:
         """Adds rows: of every column the values since those of the last call. Does not wait for the disk."""
@@ -85,11 +91,17 @@ class Journal:
 
     def close(self) -> None:
         """Ends the writing; the next `recover_trials` makes a log of a journal that is still there."""
-        if self._thread.is_alive():
-            self._rows.put(None)
-            self._thread.join()
+        self._rows.put(None)
+        for thread in self._threads:
+            thread.join()
         with contextlib.suppress(OSError):  # What is left in the buffer may not fit on the disk.
             self._file.close()
+
+    def _sync(self) -> None:
+        while self._written.wait() and not self._closed:
+            self._written.clear()
+            with contextlib.suppress(OSError):  # Writing fails too then.
+                os.fsync(self._file.fileno())
 
     def _write(self) -> None:
         stream: pa.ipc.RecordBatchStreamWriter | None = None
@@ -104,9 +116,11 @@ class Journal:
                     stream = pa.ipc.new_stream(self._file, batch.schema.with_metadata(described))
                 stream.write_batch(batch, custom_metadata={_CHECKSUM: str(_checksum(batch))})
                 self._file.flush()
-                os.fsync(self._file.fileno())
+                self._written.set()
             except (OSError, pa.ArrowException):
                 failed = True
+        self._closed = True
+        self._written.set()
 
 
 def load_writer() -> None:

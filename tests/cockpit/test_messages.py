@@ -12,10 +12,22 @@ from drake_shared.cockpit.messages import (
     Release,
     SetAssist,
     SetStick,
+    Setup,
     parse,
 )
 from drake_shared.systems.mouse_input import StickSettings
 
+SETUP = {
+    "type": "setup",
+    "scenario": "doorway",
+    "learner": None,
+    "arbitration": "blend",
+    "confidence_gain": 20,
+    "route": "left",
+    "rumble": True,
+    "tone": False,
+    "resistance": 0.5,
+}
 MOVE = {"type": "move", "x": 1, "y": -2.5, "forward": 0.5, "turn": -1}
 
 
@@ -27,6 +39,8 @@ def test_parses_the_messages_of_the_page():
     stick = {"type": "stick", "gain": 0.002, "dead_zone": 0.1, "return_time": 1}
     expected = StickSettings(gain=0.002, dead_zone=0.1, return_time=1.0)
     assert parse(json.dumps(stick)) == SetStick(expected)
+    fields = {name: value for name, value in SETUP.items() if name != "type"}
+    assert parse(json.dumps(SETUP)) == Setup(**fields)
 
 
 @pytest.mark.parametrize(
@@ -53,6 +67,10 @@ def test_parses_the_messages_of_the_page():
         json.dumps(MOVE | {"forward": 1.01}),
         json.dumps(MOVE | {"turn": -2}),
         json.dumps(MOVE | {"z": 0}),
+        json.dumps(SETUP | {"resistance": 1.5}),
+        json.dumps(SETUP | {"tone": 0}),
+        json.dumps(SETUP | {"scenario": None}),
+        json.dumps(SETUP | {"confidence_gain": 0}),
     ],
 )
 def test_rejects_everything_else(text):

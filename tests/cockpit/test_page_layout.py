@@ -243,6 +243,8 @@ def test_the_page_asks_for_other_trials_a_learner_and_the_end_of_a_drive(page, s
     page.select_option("#choice-route", "left_right")
     page.select_option("#choice-arbitration", "halves")
     page.fill("#choice-confidence_gain", "12.5")
+    page.check("#choice-tone")
+    page.select_option("#choice-resistance", "0.5")
     page.click("#train")
     page.click("#tab-history")
     page.click("button[aria-label='Delete drive 1']")
@@ -256,6 +258,7 @@ def test_the_page_asks_for_other_trials_a_learner_and_the_end_of_a_drive(page, s
         "left_right",
     )
     assert (last.arbitration, last.confidence_gain) == ("halves", 12.5)
+    assert (last.rumble, last.tone, last.resistance) == (False, True, 0.5)
 
 
 def test_two_drives_are_replayed_beside_each_other(page):

@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 
+from drake_shared.arbitration.feedback import Feedback
 from drake_shared.cockpit.drive_history import DriveHistory
 from drake_shared.cockpit.messages import Setup
 from drake_shared.cockpit.page_state import describe_result
@@ -37,6 +38,15 @@ def test_the_arbiter_and_k_can_be_chosen(choices):
     assert choices.choose(CHOICE)
     assert (choices.config.arbitration, choices.config.confidence_gain) == ("blend", None)
     assert choices.config.authority.enabled
+
+
+def test_what_is_felt_can_be_chosen(choices):
+    assert choices.choose(choice(rumble=True, resistance=0.25))
+    assert choices.config.feedback == Feedback(rumble=True, resistance=0.25)
+    described = choices.describe(usable_drives=0)
+    assert (described["rumble"], described["tone"], described["resistance"]) == (True, False, 0.25)
+    assert choices.choose(CHOICE)
+    assert not choices.config.feedback
 
 
 def test_a_choice_that_changes_nothing_but_the_route_keeps_the_simulation(choices):

@@ -1,6 +1,9 @@
 """Rows of a trial under way survive whatever ends the process, up to the last that were written."""
 
+import os
 import shutil
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -68,6 +71,32 @@ def test_wherever_the_file_is_cut_off_the_blocks_before_are_recovered(tmp_path, 
         shutil.rmtree(folder)
     # The longest cut-off part lacks one block at most.
     assert {0, ROWS - 10} <= found
+
+
+def test_rows_survive_the_process_while_the_disk_is_slow(tmp_path, human_trial, metadata, monkeypatch):
+    disk, asked, fsync = threading.Event(), threading.Event(), os.fsync
+
+    def slow_fsync(descriptor: int):
+        if threading.current_thread().name == "journal":
+            asked.set()
+            disk.wait()
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", slow_fsync)
+    journal = Journal(tmp_path / "logs", "trial", metadata)
+    (path,) = (tmp_path / "logs").iterdir()
+    journal.append(rows(human_trial, 0, 10))
+    assert asked.wait(30)
+    journal.append(rows(human_trial, 10, 20))
+    found, deadline = 0, time.monotonic() + 30
+    while found < 20:
+        assert time.monotonic() < deadline
+        shutil.copy(path, tmp_path)
+        (log,) = recover_trials(tmp_path)
+        found = len(read_log(log)["t"])
+        log.unlink()
+    disk.set()
+    journal.discard()
 
 
 def test_a_trial_under_way_is_left_to_its_process(tmp_path, human_trial, metadata):

@@ -2,6 +2,7 @@
 // drove, and what the agent predicts. It has the methods of the scene.
 
 import { FloorMap } from "./floor_map.js";
+import { Theme } from "./scene_theme.js";
 import { html } from "./svg.js";
 
 const NOTE = "This browser has no WebGL, so the scene is a flat drawing. Everything else works.";
@@ -12,6 +13,7 @@ export class FlatScene {
   #rows = [];
 
   constructor(place) {
+    new Theme(); // Sets the page to light or dark.
     this.#place = html("div", { id: "flat-scene" });
     place.append(this.#place);
   }

@@ -1,4 +1,4 @@
-// The choices before a drive: scenario, learner, arbiter, K and the instructed route.
+// The choices before a drive: scenario, learner, arbiter, K, feedback and the instructed route.
 
 import { FloorMap } from "./floor_map.js";
 import { html } from "./svg.js";
@@ -10,6 +10,7 @@ const ARBITERS = {
   fusion: "fusion with each route (fusion)",
 };
 const FREE = "";
+const RESISTANCES = [[0, "no"], [0.25, "light"], [0.5, "medium"], [0.75, "strong"], [1, "full"]];
 
 export class SetupPanel {
   #send;
@@ -64,6 +65,7 @@ export class SetupPanel {
           message.arbitration,
         ),
         this.#gainField(message),
+        this.#feedbackFields(message),
       );
     }
     if (message.routes.length) {
@@ -103,6 +105,26 @@ export class SetupPanel {
     return html("div", { class: "field" }, html("label", { for: id }, "K, in 1/m²"), input, note);
   }
 
+  // What the driver feels where the agent, sure of itself, commands something else.
+  #feedbackFields(message) {
+    const checks = html("div", { class: "checks" });
+    for (const [name, text] of [["rumble", "gamepad"], ["tone", "tone"]]) {
+      const input = html("input", { id: `choice-${name}`, type: "checkbox" });
+      input.checked = message[name];
+      input.addEventListener("change", () => this.#onChange());
+      this.#inputs[name] = input;
+      checks.append(html("label", {}, input, text));
+    }
+    const known = RESISTANCES.some(([value]) => value === message.resistance);
+    const all = known ? RESISTANCES : [...RESISTANCES, [message.resistance, `${Math.round(100 * message.resistance)} %`]];
+    const options = all.map(([value, text]) => [value, `${text} resistance`]);
+    const select = this.#select("resistance", "Resistance: weakens your command", options, message.resistance);
+    select.firstChild.className = "hidden-text";
+    const fields = html("fieldset", { class: "field" }, html("legend", {}, "Feel disagreement"), checks, select);
+    fields.disabled = message.learner === null;
+    return fields;
+  }
+
   #training({ drives, drives_to_train: needed, learner, fixed }) {
     const offer = html("p", { class: "note offer" });
     if (fixed) return offer;
@@ -128,6 +150,9 @@ export class SetupPanel {
       arbitration: value("arbitration", this.#message.arbitration),
       confidence_gain: Number.isFinite(gain) && gain > 0 ? Math.min(Math.max(gain, 1e-6), 1e9) : null,
       route: value("route", null),
+      rumble: this.#inputs.rumble?.checked ?? false,
+      tone: this.#inputs.tone?.checked ?? false,
+      resistance: Number(value("resistance", 0)),
     });
   }
 }
