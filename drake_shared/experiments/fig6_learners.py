@@ -101,7 +101,7 @@ def _seconds(
 ) -> float:
     learners = {(setup, ARMS[arm][0]) for setup, arm in conditions}
     training = training_cost(preset, repeats)
-    training += training_cost(preset, repeats * operators * len(learners), enlarged=True)
+    training += training_cost(preset, repeats * operators * len(learners))
     trials = TRIALS * len(conditions) + _ADDED * setups
     return training + TRIAL_COST * repeats * (_ADDED + operators * trials)
 

@@ -106,7 +106,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
 
 def _seconds(scenario: str | None, preset: str, repeats: int, generations: int, trials: int) -> float:
     training = training_cost(preset, repeats)
-    training += generations * training_cost(preset, len(FED) * repeats, enlarged=True)
+    training += generations * training_cost(preset, len(FED) * repeats)
     learners = repeats * (1 + generations * len(FED))
     return training + learners * (_TRIAL_SECONDS * trials + _DRIVE_SECONDS * route_count(scenario))
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from drake_shared.analysis.statistics import Claim
+from drake_shared.experiments.training import CAPPED
 from drake_shared.simulation.runner import Task
 
 if TYPE_CHECKING:
@@ -137,7 +138,14 @@ class Section:
                     f"{sum(stopped)} of the {len(stopped)} rows of {name} are of learners whose training "
                     "ended before the loss threshold of their preset was reached"
                 )
-        return dataclasses.replace(self, text=[*self.text, f"{'; '.join(notes)}."]) if notes else self
+        if not notes:
+            return self
+        limits = "; ".join(
+            f"learners of preset {preset} with more than three demonstrations are trained for at most "
+            f"{iterations:,} iterations"
+            for preset, iterations in CAPPED.items()
+        )
+        return dataclasses.replace(self, text=[*self.text, f"{'; '.join(notes)} ({limits})."])
 
 
 @dataclasses.dataclass(frozen=True)

@@ -78,7 +78,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
                 trials=trials,
             ),
             training_cost(preset, len(learners))
-            + training_cost(preset, len(learners) * (len(counts) - 1), enlarged=True)
+            + training_cost(preset, len(learners) * (len(counts) - 1))
             + len(learners) * seconds,
         )
         for preset in PRESETS

@@ -19,6 +19,9 @@ STUDIED = {
     "default": dataclasses.replace(PARAMETERS["default"], iterations=1_200, batch=32),
     "paper": PARAMETERS["paper"],
 }
+CAPPED = {"paper": 12_000}
+"""Most iterations of learners with more than three demonstrations, by preset; see `train_all`."""
+_FEW = 3
 _TRAINED_TOGETHER = 20
 """Learners in one batched computation of `train_together`."""
 
@@ -38,6 +41,10 @@ def train_all(
 ) -> list[Any]:
     """Trains a CNMP for each set of demonstrations, many at a time. Imports torch.
 
+    With preset paper, learners with more than three demonstrations are trained for one cycle of the schedule,
+    in which only some of them reach Lt: up to three cycles more would take seven times as long. They then
+    meet conditions and follow routes about as well.
+
     Args:
         sets: The demonstrations of each learner.
         seeds: The seed of each training.
@@ -51,10 +58,23 @@ def train_all(
         return []
     options = {"parameters": studied(preset), **options}
     weights = [weighted] * len(sets) if isinstance(weighted, bool) else list(weighted)
-    return list(train_together(sets, seeds, weighted=weights, **options))
+    capped = [preset in CAPPED and len(one) > _FEW for one in sets]
+    trained: dict[int, Any] = {}
+    for cap in sorted(set(capped)):
+        chosen = [index for index, one in enumerate(capped) if one == cap]
+        if cap:
+            options["iterations"] = min(options["parameters"].iterations, CAPPED[preset])
+        learners = train_together(
+            [sets[index] for index in chosen],
+            [seeds[index] for index in chosen],
+            weighted=[weights[index] for index in chosen],
+            **options,
+        )
+        trained |= dict(zip(chosen, learners, strict=True))
+    return [trained[index] for index in range(len(sets))]
 
 
-def training_cost(preset: str, count: int, *, enlarged: bool = False) -> float:
+def training_cost(preset: str, count: int) -> float:
     """Approximate time of `train_all` for ``count`` learners on one core while other cores train too, in [s].
 
     Training is limited by the memory bandwidth that processes share; a single process is faster.
@@ -62,12 +82,10 @@ def training_cost(preset: str, count: int, *, enlarged: bool = False) -> float:
     Args:
         preset: Of all learners.
         count: Number of learners.
-        enlarged: Whether they have more than one demonstration of each route, with which preset paper was
-            seen to train several times as long; the cost is that of its limit of iterations.
     """
     groups = -(-count // _TRAINED_TOGETHER)
     if preset == "paper":
-        return (84.0 if enlarged else 12.0) * count
+        return 12.0 * count
     return 4.0 * groups + 1.2 * count
 
 
