@@ -1,9 +1,13 @@
-"""Fig. 2 of Amirshirzad et al. 2022: the effect of drawing better demonstrations more often."""
+"""Fig. 2 of Amirshirzad et al. 2022: the effect of drawing better demonstrations more often.
+
+Each pair of learners has demonstrations of its own, as in `drake_shared.experiments.paired_trials`, so that
+intervals contain the variation of demonstrations as well as that of trainings.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +15,7 @@ from numpy.typing import NDArray
 
 from drake_shared.analysis.statistics import Claim, at_least, interval, judge, larger
 from drake_shared.demonstrations import sampling_weights
-from drake_shared.experiments.common import Teaching, demonstrated, scenario_of
+from drake_shared.experiments.common import scenario_of
 from drake_shared.experiments.drawing import (
     COLOURS,
     ROUTES,
@@ -23,7 +27,7 @@ from drake_shared.experiments.drawing import (
     new_figure,
 )
 from drake_shared.experiments.measures import select
-from drake_shared.experiments.paired_trials import groups
+from drake_shared.experiments.paired_trials import demonstrations_of, groups
 from drake_shared.experiments.section import Experiment, Picture, PlannedTask, Rows, Section, Size, Table
 from drake_shared.experiments.text import paragraphs, with_interval
 from drake_shared.experiments.training import (
@@ -37,12 +41,10 @@ from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.runner import Task
 
-SEED = 910_000
-"""Of the demonstrations, which are the same for all learners; training seeds count from 0."""
 _GROUP = 5
-"""Number of training seeds in a task, with a plain and a weighted learner each."""
+"""Number of sets of demonstrations in a task, with a plain and a weighted learner each."""
 _MODELS = ("plain", "weighted")
-_UNITS = "training seeds"
+_UNITS = "pairs of learners"
 _CLOSER, _PASSED, _ON_ROUTE = 0.02, 0.05, 0.1
 """In [m]: smallest effect of interest, and tolerances for passing a point and for being on a route."""
 _DISTANCES = {
@@ -94,42 +96,49 @@ def conditions(paths: NDArray[np.float64]) -> list[Condition]:
 
 
 def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
-    """One task for each preset and five training seeds."""
+    """One task for each preset and five pairs of learners."""
     return [
         PlannedTask(
-            Task.of(run_seeds, scenario=scenario, preset=preset, seeds=seeds),
-            training_cost(preset, 2 * len(seeds)),
+            Task.of(run_pairs, scenario=scenario, preset=preset, learners=learners),
+            training_cost(preset, 2 * len(learners)),
         )
         for preset in PRESETS
-        for seeds in groups(size.of(preset).learners, _GROUP)
+        for learners in groups(size.of(preset).learners, _GROUP)
     ]
 
 
-def run_seeds(scenario: str | None, preset: str, seeds: list[int]) -> dict[str, Any]:
-    """Trains a plain and a weighted learner from each seed, and evaluates their predictions."""
-    world = scenario_of(scenario)
-    (demonstrations,) = demonstrated(scenario, [Teaching(seed=SEED)])
-    weighted = [False, True] * len(seeds)
-    learners = train_all(
-        [demonstrations] * len(weighted), np.repeat(seeds, 2).tolist(), preset=preset, weighted=weighted
+def run_pairs(scenario: str | None, preset: str, learners: list[int]) -> dict[str, Any]:
+    """Trains a plain and a weighted learner on each set of demonstrations, and evaluates their predictions.
+
+    Args:
+        scenario: File or name.
+        preset: Of the learners.
+        learners: Indices, which determine demonstrations and trainings; index 0 is drawn.
+    """
+    sets = demonstrations_of(scenario, learners)
+    trained = train_all(
+        [one for one in sets for _ in _MODELS],
+        [index for index in learners for _ in _MODELS],
+        preset=preset,
+        weighted=[False, True] * len(sets),
     )
-    scores = demonstrations.scores
-    assert scores is not None
     rows, drawn = [], {}
-    for index, seed in enumerate(seeds):
-        pair = dict(zip(_MODELS, learners[2 * index : 2 * index + 2], strict=True))
-        found, predicted = _evaluate(world, pair, best=int(np.argmax(scores)))
-        rows += [{"preset": preset, "seed": seed, **row} for row in found]
-        if seed == 0:
-            drawn = predicted
-    paths = np.round(learners[0].demonstrations, 3)
-    return {"rows": rows, "drawn": drawn, "ways": paths, "scores": scores}
+    for place, (index, demonstrations) in enumerate(zip(learners, sets, strict=True)):
+        pair = dict(zip(_MODELS, trained[2 * place : 2 * place + 2], strict=True))
+        scores = demonstrations.scores
+        assert scores is not None
+        found, predicted = _evaluate(scenario_of(scenario), pair, best=int(np.argmax(scores)))
+        rows += [{"preset": preset, "learner": index, **row} for row in found]
+        if index == 0:
+            paths = np.round(pair["plain"].demonstrations, 3)
+            drawn = {"predicted": predicted, "ways": paths, "scores": scores}
+    return {"rows": rows, "drawn": drawn}
 
 
 def _evaluate(
     world: Scenario, pair: dict[str, Learner], *, best: int
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """The rows of a seed, and the predicted paths with their spread by condition and learner."""
+    """The rows of a pair, and the predicted paths with their spread by condition and learner."""
     paths, grid = pair["plain"].demonstrations, pair["plain"].grid
     assert paths is not None
     # Once all demonstrations are at the goal their paths no longer differ.
@@ -170,12 +179,13 @@ def _evaluate(
 
 
 def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
-    """Fig. 2 for both presets, and distances over all seeds."""
+    """Fig. 2 for both presets, and distances over all pairs of learners."""
     rows = [row for result in results for row in result["rows"]]
-    scores = np.array(results[0]["scores"])
+    shown = {result["rows"][0]["preset"]: result["drawn"] for result in results if result["drawn"]}
+    scores = np.array(shown[PRESETS[0]]["scores"])
     probabilities = sampling_weights(scores)
     learners = {
-        preset: {(row["seed"], row["model"]): row["ignores"] for row in select(rows, preset=preset)}
+        preset: {(row["learner"], row["model"]): row["ignores"] for row in select(rows, preset=preset)}
         for preset in PRESETS
     }
     return Section(
@@ -191,8 +201,8 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
         ),
         pictures=[
             Picture.of(
-                _figure(scenario_of(scenario), results, scores, probabilities),
-                "Paths predicted by the learners of seed 0 from one observed point (black cross), with a "
+                _figure(scenario_of(scenario), shown, scores, probabilities),
+                "Paths predicted by the first pair of learners from one observed point (black cross), with a "
                 "band of one standard deviation. Below: the demonstrations, their scores and probabilities "
                 "Pd.",
             )
@@ -204,12 +214,12 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
 
 
 def _largest(rows: Rows, name: str, **where: Any) -> list[float]:
-    """The largest value of a column for each seed, in the order of seeds."""
+    """The largest value of a column for each pair of learners, in the order of their indices."""
     found: dict[int, float] = {}
     for row in select(rows, **where):
         if row[name] is not None:
-            found[row["seed"]] = max(row[name], found.get(row["seed"], -np.inf))
-    return [found[seed] for seed in sorted(found)]
+            found[row["learner"]] = max(row[name], found.get(row["learner"], -np.inf))
+    return [found[index] for index in sorted(found)]
 
 
 def claims(rows: Rows) -> list[Claim]:
@@ -254,34 +264,31 @@ def claims(rows: Rows) -> list[Claim]:
 def _table(rows: Rows) -> Table:
     lines = []
     for preset in PRESETS:
-        for condition in dict.fromkeys(row["condition"] for row in rows):
+        for point, common in (("the start", True), ("points of one route", False)):
             for model in _MODELS:
-                where = {"preset": preset, "condition": condition, "model": model}
+                where = {"preset": preset, "common": common, "model": model}
                 cells = [with_interval(interval(_largest(rows, name, **where))) for name in _DISTANCES]
-                lines.append([preset, condition, model, *cells])
+                lines.append([preset, point, model, *cells])
     return Table(
-        caption="Distances in m, with 95% intervals over training seeds. The average is the mean "
-        "of the demonstrations with equal weights.",
+        caption="Distances in m, with 95% intervals over pairs of learners; of two points, the larger one. "
+        "The average is the mean of the demonstrations with equal weights.",
         head=["preset", "observed point", "learner", *_DISTANCES.values()],
         rows=lines,
     )
 
 
 def _figure(
-    world: Scenario, results: list[Any], scores: NDArray[np.float64], probabilities: NDArray[np.float64]
+    world: Scenario,
+    shown: Mapping[str, Any],
+    scores: NDArray[np.float64],
+    probabilities: NDArray[np.float64],
 ) -> Any:
-    shown = {
-        preset: next(
-            result for result in results if result["drawn"] and result["rows"][0]["preset"] == preset
-        )
-        for preset in PRESETS
-    }
-    names = list(dict.fromkeys(key.rpartition("/")[0] for key in shown[PRESETS[0]]["drawn"]))
+    names = list(dict.fromkeys(key.rpartition("/")[0] for key in shown[PRESETS[0]]["predicted"]))
     figure, axes = new_figure(8.2, rows=len(names) + 1, columns=2)
-    for column, (preset, result) in enumerate(shown.items()):
+    for column, preset in enumerate(PRESETS):
         for line, name in enumerate(names):
             place = axes[line, column]
-            _draw_predictions(place, world, result, name)
+            _draw_predictions(place, world, shown[preset], name)
             place.set_title(f"{preset}: observed {name}", fontsize=9)
             place.set(xlabel="", ylabel="" if column else "y, m")
     paths = np.array(shown[PRESETS[0]]["ways"])
@@ -297,11 +304,11 @@ def _figure(
     return figure
 
 
-def _draw_predictions(place: Any, world: Scenario, result: dict[str, Any], name: str) -> None:
+def _draw_predictions(place: Any, world: Scenario, shown: Mapping[str, Any], name: str) -> None:
     draw_scene(place, world)
-    draw_demonstrations(place, result["ways"])
+    draw_demonstrations(place, shown["ways"])
     for model in _MODELS:
-        drawn = result["drawn"][f"{name}/{model}"]
+        drawn = shown["predicted"][f"{name}/{model}"]
         style: dict[str, Any] = {"linestyle": "--"} if model == "weighted" else {"linewidth": 2.5}
         mean, sigma = np.array(drawn["mean"]), np.array(drawn["sigma"])
         draw_band(place, mean, sigma, COLOURS[model], model, **style)

@@ -4,7 +4,6 @@ import pytest
 
 from drake_shared.experiments import fig2_width
 from drake_shared.experiments.common import Teaching, demonstrated
-from drake_shared.experiments.fig2_weighting import SEED
 from drake_shared.experiments.training import PRESETS
 
 
@@ -25,7 +24,7 @@ def test_a_narrow_density_leaves_only_the_best_demonstration(results):
 
 
 def test_widths_are_in_deviations_of_the_scores_or_in_m():
-    (demonstrations,) = demonstrated(None, [Teaching(seed=SEED)])
+    (demonstrations,) = demonstrated(None, [Teaching(seed=fig2_width.SEED)])
     deviations, scaled = fig2_width.scores_and_width(demonstrations, "1 m")
     assert deviations * scaled.scores.std() == pytest.approx(1_000.0)
     assert fig2_width.scores_and_width(demonstrations, "0.5")[0] == 0.5
