@@ -45,7 +45,7 @@ if TYPE_CHECKING:
         save_learner as save_learner,
         train as train,
     )
-    from drake_shared.robots import DiffDrive as DiffDrive, Robot as Robot
+    from drake_shared.robots import Arm as Arm, DiffDrive as DiffDrive, Robot as Robot
     from drake_shared.scenario import (
         Box as Box,
         Circle as Circle,
@@ -80,6 +80,7 @@ if TYPE_CHECKING:
     )
     from drake_shared.systems.arbiter import Arbiter as Arbiter
     from drake_shared.systems.arbiters import arbiter_names as arbiter_names, make_arbiter as make_arbiter
+    from drake_shared.systems.arm_plant import ArmPlant as ArmPlant
     from drake_shared.systems.confidence_blender import ConfidenceBlender as ConfidenceBlender
     from drake_shared.systems.conflict_feedback import ConflictFeedback as ConflictFeedback
     from drake_shared.systems.diff_drive_plant import DiffDrivePlant as DiffDrivePlant
@@ -102,6 +103,8 @@ if TYPE_CHECKING:
 _MODULES = {
     "AddSharedControl": "drake_shared.simulation.diagram",
     "Arbiter": "drake_shared.systems.arbiter",
+    "Arm": "drake_shared.robots",
+    "ArmPlant": "drake_shared.systems.arm_plant",
     "Authority": "drake_shared.arbitration.authority",
     "Behaviour": "drake_shared.systems.surrogate_operator",
     "Box": "drake_shared.scenario",

@@ -10,6 +10,7 @@ import torch
 from pydrake.systems.framework import Context, LeafSystem
 from threadpoolctl import threadpool_limits
 
+from drake_shared.robots import Arm
 from drake_shared.scenario import Goal, Route, Scenario, Workspace, load_scenario
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 
@@ -117,3 +118,15 @@ def human_trial(_two_obstacles) -> Iterator[Trial]:
     """The surrogate operator alone on the first route of the two-obstacle task."""
     simulation = Simulation(_two_obstacles)
     return simulation.run(TrialSettings(driver="human", route="left_right", seed=5))
+
+
+@pytest.fixture(scope="session")
+def six_joint_arm(tmp_path_factory) -> Arm:
+    """The shipped arm with its third joint fixed, and other names of base and tip."""
+    text = Arm().model_path().read_text(encoding="utf-8")
+    text = text.replace('name="joint3" type="revolute"', 'name="joint3" type="fixed"')
+    text = text.replace('"link0"', '"pedestal"').replace('"tip"', '"pen"')
+    start = text.index('  <transmission name="t3">')
+    file = tmp_path_factory.mktemp("arm") / "six.urdf"
+    file.write_text(text[:start] + text[text.index('  <transmission name="t4">') :], encoding="utf-8")
+    return Arm(model=str(file), base="pedestal", tip="pen", home=[0.0, 0.045, -1.2174, 0.0, 1.8792, 0.0])

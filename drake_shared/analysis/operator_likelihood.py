@@ -79,7 +79,7 @@ class DriveLikelihood:
         if not np.allclose(np.diff(trial["t"]), period, atol=1e-6):
             raise InputError(name, "t", f"must have a row each {period} s")
         self._law = SteeringLaw(scenario)
-        self._robot = scenario.robot
+        self._robot = scenario.diff_drive
         self._path = path
         poses = np.stack([trial["x"], trial["y"], trial["yaw"]], axis=-1)[:-1]
         # Interpolation between poses needs a continuous yaw.
@@ -91,7 +91,7 @@ class DriveLikelihood:
         self.least_weight = float(self._weight.min())
         hands_off = (self.commands == 0.0).all(axis=1)
         self._hands_on = ~hands_off
-        self._max_speed = _UNSATURATED * scenario.robot.max_wheel_speed
+        self._max_speed = _UNSATURATED * scenario.diff_drive.max_wheel_speed
         # While the operator gives no command, the planned motion does not advance.
         self._time = (trial["t"][:-1] - period * np.cumsum(hands_off)).tolist()
         self._observations: dict[float, list[tuple[Pose, float]]] = {}

@@ -15,7 +15,7 @@ _DIGITS = 4
 
 def describe_task(scenario: Scenario) -> dict[str, Any]:
     """Workspace, start, goals, obstacles and sizes of the robot, in [m] and [rad], world frame."""
-    space, start, robot = scenario.workspace, scenario.start, scenario.robot
+    space, start, robot = scenario.workspace, scenario.start, scenario.diff_drive
     return {
         "workspace": [space.x_min, space.x_max, space.y_min, space.y_max],
         "start": [start.x, start.y, start.yaw],

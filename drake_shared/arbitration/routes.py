@@ -54,7 +54,7 @@ def routes_of(
     planned = plan_routes(scenario) if planned is None else planned
     named = {item.name: (item.x, item.y) for item in scenario.static_obstacles}
     distance = PlanarDistance(scenario.static_obstacles)
-    least = scenario.robot.footprint_radius + scaled_length(scenario.robot, _LEAST_CLEARANCE)
+    least = scenario.diff_drive.footprint_radius + scaled_length(scenario.diff_drive, _LEAST_CLEARANCE)
     paths = [equidistant(path, POINTS) for path in demonstrated]
     paths = [path for path in paths if distance.least(*path.T).min() >= least]
 

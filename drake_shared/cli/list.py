@@ -80,7 +80,7 @@ def _arbiters() -> dict[str, str]:
 
 
 def _operators() -> dict[str, str]:
-    from drake_shared.operators.named import OPERATORS
+    from drake_shared.operators.named import ARM_OPERATORS, OPERATORS
     from drake_shared.systems.operators import GROUP, registered_operators
 
     found = {
@@ -88,6 +88,7 @@ def _operators() -> dict[str, str]:
         "surrogate": "The simulated operator that the options describe, such as --delay and --noise.",
     }
     found |= {name: f"Simulated: {named.model}." for name, named in OPERATORS.items()}
+    found |= {name: f"Simulated, of an arm: {named.model}." for name, named in ARM_OPERATORS.items()}
     return found | {
         name: _described(name, GROUP, functools.partial(load_registered, GROUP, name, source="operator"))
         for name in registered_operators()
@@ -97,8 +98,9 @@ def _operators() -> dict[str, str]:
 def _robots() -> dict[str, str]:
     from drake_shared.common.files import models_directory
 
-    models = sorted((models_directory() / "robots").glob("*.sdf"))
-    return {file.name: "Differential drive." for file in models}
+    folder = models_directory() / "robots"
+    wheeled, arms = sorted(folder.glob("*.sdf")), sorted(folder.glob("*.urdf"))
+    return {file.name: "Differential drive." for file in wheeled} | {file.name: "Arm." for file in arms}
 
 
 def _described(name: str, group: str, load: Callable[[], Any]) -> str:

@@ -30,8 +30,8 @@ class Simulate(LearnerOptions):
     """Seed of the first trial; each following one has the next."""
     operator: str = "surrogate"
     """"surrogate", which the options below describe; a simulated operator by name: primary, noisy, laggy,
-    delayed, signal-noise, late-slow, switching, stubborn, yielding, resting, unskilled; or a log whose human
-    commands are played back."""
+    delayed, signal-noise, late-slow, switching, stubborn, yielding, resting, unskilled, or for an arm steady,
+    unsteady, aims-ahead, switches-planes; or a log whose human commands are played back."""
     behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
     workers: int = 1
     """Number of processes; the results do not depend on it."""
@@ -91,13 +91,14 @@ class Simulate(LearnerOptions):
 
     def _operator(self, scenario: Scenario) -> tuple[Behaviour, bool, str | None]:
         """Behaviour, whether the operator changes route half-way, and the log to play back, if any."""
-        from drake_shared.operators.named import OPERATORS
+        from drake_shared.operators.named import operators_for
         from drake_shared.simulation.trial import read_log
 
+        operators = operators_for(scenario.robot)
         if self.operator == "surrogate":
             return self.behaviour, False, None
-        if self.operator in OPERATORS:
-            named = OPERATORS[self.operator]
+        if self.operator in operators:
+            named = operators[self.operator]
             plain = dataclasses.asdict(Behaviour())
             given = [name for name in plain if getattr(self.behaviour, name) != plain[name]]
             if given:
@@ -106,7 +107,7 @@ class Simulate(LearnerOptions):
                 raise InputError(f"--operator {self.operator}", "", expected)
             return named.behaviour_in(scenario), named.switches, None
         if not Path(split_number(self.operator)[0]).exists():
-            names = ("surrogate", *OPERATORS)
+            names = ("surrogate", *operators)
             expected = f"must be a log or one of {', '.join(names)}; there is no such file"
             raise InputError(self.operator, "", f"{expected}{suggestion(self.operator, names)}")
         recorded = read_log(self.operator).metadata["scenario"]["name"]

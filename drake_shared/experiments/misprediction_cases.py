@@ -127,7 +127,7 @@ def _with_obstacle(
     path = route.path(world.start)
     along = share * path.length
     x, y, yaw, _ = path.frame(along)
-    aside = math.copysign(RADIUS + world.robot.footprint_radius + abs(space), space)
+    aside = math.copysign(RADIUS + world.diff_drive.footprint_radius + abs(space), space)
     whole = (0.0, path.length)
     arcs = [path.nearest(*point, between=whole) for point in route.waypoints]
     inner = zip(arcs[1:-1], route.waypoints[1:-1], strict=True)

@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 from drake_shared.common.errors import InputError
+from drake_shared.robots import Arm, Robot
 
 LONGEST_DELAY = 1.0
 """Longest reaction delay, in [s]: simulated operators remember poses no longer."""
@@ -21,7 +22,8 @@ class Behaviour:
     Attributes:
         delay: From seeing to the command, in [s]. 0.12 to 0.2 s is the visual-motor delay of people
             (Saunders and Knill 2005).
-        noise: Standard deviation of the noise on each wheel's command, in [rad/s].
+        noise: Standard deviation of the noise on each element of the command, in its unit: [rad/s] for
+            wheels, [m/s] for the tip of an arm.
         noise_time: Time constant of the noise, in [s].
         skill: Share of an error in direction and position that is corrected; 1 is a good driver, 0 a blind
             one.
@@ -39,6 +41,10 @@ class Behaviour:
         yielding: How much the operator gives up control to assistance: the command is multiplied by
             1 - yielding (1 - w), w being the human weight of the last step. People do behave otherwise once
             assisted (arXiv 2410.00181).
+        aim_ahead: Distance ahead on the route of the position to which the operator of an arm steers, in
+            [m]; 0 follows the route.
+        plane_switch_time: Time in which the operator of an arm switches between its planes x-y and y-z, in
+            [s], moving one of them at a time; 0 moves all three axes at once.
 
     Raises:
         InputError: A value is not finite, negative, or out of its range.
@@ -58,6 +64,8 @@ class Behaviour:
     lag: float = 0.0
     stubbornness: float = 0.0
     yielding: float = 0.0
+    aim_ahead: float = 0.0
+    plane_switch_time: float = 0.0
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -76,3 +84,11 @@ class Behaviour:
     def __deepcopy__(self, memo: dict[int, Any]) -> Behaviour:
         # Frozen, and Drake copies the parameters of a Context often.
         return self
+
+
+_STEADY = Behaviour(noise=0.01)
+
+
+def behaviour_for(robot: Robot, behaviour: Behaviour) -> Behaviour:
+    """``behaviour``, but for an arm its own in place of the default, whose noise is meant for wheels."""
+    return _STEADY if isinstance(robot, Arm) and behaviour == Behaviour() else behaviour

@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import Behaviour
+from drake_shared.robots import Arm, Robot
 from drake_shared.scenario import Route, Scenario
 
 # Share of the travel time at which a switching operator changes its route: about half-way to the goal's edge,
@@ -102,11 +103,42 @@ OPERATORS: Mapping[str, NamedOperator] = MappingProxyType(
         ),
     }
 )
-"""By name."""
+"""Those of a differential drive, by name."""
+
+ARM_OPERATORS: Mapping[str, NamedOperator] = MappingProxyType(
+    {
+        "steady": NamedOperator(
+            behaviour=Behaviour(noise=0.01),
+            model="moves the tip along a route by the position seen 0.2 s ago, with noise of 1 cm/s",
+            source="delay: Saunders and Knill 2005",
+        ),
+        "unsteady": NamedOperator(
+            behaviour=Behaviour(delay=0.25, noise=0.04, skill=0.2),
+            model="noise of 4 cm/s, 0.25 s of delay and a fifth of the skill",
+            source="ours: enough to fail alone at times",
+        ),
+        "aims-ahead": NamedOperator(
+            behaviour=Behaviour(delay=0.25, noise=0.08, aim_ahead=0.08),
+            model="steers to the point 8 cm ahead on the route, with noise of 8 cm/s",
+            source="ours: aiming corrects noise that following does not",
+        ),
+        "switches-planes": NamedOperator(
+            behaviour=Behaviour(delay=0.25, noise=0.08, aim_ahead=0.08, plane_switch_time=0.7),
+            model="moves x-y or y-z with two axes, and takes 0.7 s to switch between them",
+            source="mode switching of Herlant, Holladay and Srinivasa 2016; the time is ours",
+        ),
+    }
+)
+"""Those of an arm, by name."""
+
+
+def operators_for(robot: Robot) -> Mapping[str, NamedOperator]:
+    """The named operators of a robot."""
+    return ARM_OPERATORS if isinstance(robot, Arm) else OPERATORS
 
 
 def named_operator(name: str) -> NamedOperator:
-    """The operator of that name.
+    """The operator of that name, of a differential drive.
 
     Raises:
         InputError: No operator has that name.

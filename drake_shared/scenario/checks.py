@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.common.errors import InputError
-from drake_shared.robots import scaled_length
+from drake_shared.robots import Arm, scaled_length
+from drake_shared.scenario.arm_checks import check_arm
 from drake_shared.scenario.obstacles import Obstacle, ObstacleDistance, position_at
 from drake_shared.scenario.passages import widest_passage
 from drake_shared.scenario.paths import passing_side
@@ -34,6 +35,12 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
     if scenario.goals and scenario.goal != scenario.goals[0]:
         raise InputError(source, "goal", "must be left out where goals are given", scenario.goal)
     _check_sizes(scenario, source)
+    if isinstance(scenario.robot, Arm):
+        for item in scenario.obstacles:
+            if item.path:
+                check_obstacle_path(item, source)
+        check_arm(scenario, scenario.robot, _named_goals(scenario), source=source)
+        return
     space = scenario.workspace
     ends: list[tuple[str, Any]] = [("start", scenario.start), *_named_goals(scenario)]
     placed = ends + [(f"obstacles: {item.name}", item) for item in scenario.static_obstacles]
@@ -68,7 +75,7 @@ def _named_goals(scenario: Scenario) -> list[tuple[str, Goal]]:
 
 def _check_passage(scenario: Scenario, goal: Goal, source: str | os.PathLike[str]) -> None:
     """Checks that the obstacles leave a way to ``goal`` that is as wide as the robot."""
-    width, needed = widest_passage(scenario, goal), 2.0 * scenario.robot.footprint_radius
+    width, needed = widest_passage(scenario, goal), 2.0 * scenario.diff_drive.footprint_radius
     if width < needed:
         field = next(name for name, item in _named_goals(scenario) if item is goal)
         expected = (
@@ -122,7 +129,7 @@ def _check_sizes(scenario: Scenario, source: str | os.PathLike[str]) -> None:
     positive |= {
         f"robot.{item.name}": getattr(robot, item.name)
         for item in dataclasses.fields(robot)
-        if item.name != "model"
+        if isinstance(getattr(robot, item.name), float)
     }
     positive |= {
         "workspace's width": space.x_max - space.x_min,
@@ -132,6 +139,8 @@ def _check_sizes(scenario: Scenario, source: str | os.PathLike[str]) -> None:
     for index, obstacle in enumerate(scenario.obstacles):
         _check_yaw(obstacle.yaw_angle(), f"obstacles[{index}].yaw", source)
         positive |= {f"obstacles[{index}].{name}": value for name, value in obstacle.sizes().items()}
+        if obstacle.height < 0.0:
+            raise InputError(source, f"obstacles[{index}].height", "must not be negative", obstacle.height)
     for name, value in positive.items():
         if value <= 0:
             raise InputError(source, name, "must be positive", value)
@@ -146,7 +155,7 @@ def _check_sizes(scenario: Scenario, source: str | os.PathLike[str]) -> None:
         )
     if not robot.model_path().is_file():
         raise InputError(
-            source, "robot.model", "must be an SDF file or one of models/robots", repr(robot.model)
+            source, "robot.model", "must be a model file or one of models/robots", repr(robot.model)
         )
     if not scenario.routes:
         raise InputError(source, "routes", "must name at least one route")
@@ -183,14 +192,14 @@ def _check_moving(scenario: Scenario, obstacle: Obstacle, source: str | os.PathL
     if math.dist(at_first, (obstacle.x, obstacle.y)) > 1e-6:
         raise InputError(source, field, f"must be at the obstacle's x and y at time 0, not at {at_first}")
     gap = float(ObstacleDistance([obstacle])(np.array([[start.x, start.y]]))[0])
-    if gap <= scenario.robot.footprint_radius:
-        left = f"{gap - scenario.robot.footprint_radius:.3f} m of clearance"
+    if gap <= scenario.diff_drive.footprint_radius:
+        left = f"{gap - scenario.diff_drive.footprint_radius:.3f} m of clearance"
         raise InputError(source, field, "must not start on the robot", left)
 
 
 def _clearance(scenario: Scenario, distance: PlanarDistance, positions: NDArray[np.float64]) -> float:
     """The least clearance of the robot's body at positions (n, 2), in [m]."""
-    return float(distance.least(*positions.T).min()) - scenario.robot.footprint_radius
+    return float(distance.least(*positions.T).min()) - scenario.diff_drive.footprint_radius
 
 
 def _check_route(
@@ -210,7 +219,7 @@ def _check_route(
         if math.dist((place.x, place.y), waypoint) > 1e-6:
             raise InputError(source, field, f"must lead from start to goal; it misses the {name}", waypoint)
     path = scenario.path_of(route)
-    count = max(50, int(path.length / scaled_length(scenario.robot, 0.02)))
+    count = max(50, int(path.length / scaled_length(scenario.diff_drive, 0.02)))
     positions = path.position(np.linspace(0, path.length, count))
     space = scenario.workspace
     low, high = (space.x_min, space.y_min), (space.x_max, space.y_max)

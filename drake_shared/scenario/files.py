@@ -68,6 +68,8 @@ def scenario_from_dict(data: Mapping[str, Any], *, source: str | os.PathLike[str
         given["obstacles"] = [
             {"_tag": "!Box" if "length" in item else "!Circle", **item} for item in given.get("obstacles", [])
         ]
+        if "home" in given.get("robot", {}):
+            given["robot"] = {"_tag": "!Arm", **given["robot"]}
         text = yaml_dump(json.loads(json.dumps(given)))
     except (TypeError, ValueError) as error:
         raise InputError(source, "", f"cannot be read as a scenario: {error}") from error

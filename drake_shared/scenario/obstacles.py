@@ -34,6 +34,10 @@ class Circle:
     x: float = math.nan
     y: float = math.nan
     radius: float = math.nan
+    z: float = 0.0
+    """Height of its bottom, in [m], if it has a height."""
+    height: float = 0.0
+    """In [m]; 0 for an obstacle without top and bottom, as robots on a floor meet it."""
     path: list[list[float]] = dataclasses.field(default_factory=list)
     """Points [t, x, y] in [s] and [m]; linear between them, at rest before the first and after the last."""
 
@@ -67,6 +71,10 @@ class Box:
     length: float = math.nan
     width: float = math.nan
     yaw: float = 0.0
+    z: float = 0.0
+    """Height of its bottom, in [m], if it has a height."""
+    height: float = 0.0
+    """In [m]; 0 for an obstacle without top and bottom, as robots on a floor meet it."""
     path: list[list[float]] = dataclasses.field(default_factory=list)
     """Points [t, x, y] in [s] and [m]; linear between them, at rest before the first and after the last."""
 
@@ -118,11 +126,13 @@ def register_obstacles(scene_graph: SceneGraph, obstacles: list[Obstacle]) -> li
 def obstacle_geometry(obstacle: Obstacle, x: float, y: float) -> tuple[GeometryInstance, GeometryInstance]:
     """Proximity and illustration geometry of an obstacle, at (``x``, ``y``) of their frame, in [m]."""
     rotation = RollPitchYaw(0, 0, obstacle.yaw_angle())
-    X_FG = RigidTransform(rotation, [x, y, 0])
-    solid = GeometryInstance(X_FG, obstacle.shape(_PROXIMITY_HEIGHT), obstacle.name)
+    drawn_height = obstacle.height or _DRAWN_HEIGHT
+    middle = obstacle.z + drawn_height / 2
+    X_FG = RigidTransform(rotation, [x, y, middle if obstacle.height else 0.0])
+    solid = GeometryInstance(X_FG, obstacle.shape(obstacle.height or _PROXIMITY_HEIGHT), obstacle.name)
     solid.set_proximity_properties(ProximityProperties())
-    X_FG = RigidTransform(rotation, [x, y, _DRAWN_HEIGHT / 2])
-    drawn = GeometryInstance(X_FG, obstacle.shape(_DRAWN_HEIGHT), f"{obstacle.name}_drawn")
+    X_FG = RigidTransform(rotation, [x, y, middle])
+    drawn = GeometryInstance(X_FG, obstacle.shape(drawn_height), f"{obstacle.name}_drawn")
     illustration = IllustrationProperties()
     illustration.AddProperty("phong", "diffuse", _COLOR)
     drawn.set_illustration_properties(illustration)
@@ -130,19 +140,24 @@ def obstacle_geometry(obstacle: Obstacle, x: float, y: float) -> tuple[GeometryI
 
 
 def least_distance(
-    query: QueryObject, x: float, y: float, *, geometry_ids: Collection[GeometryId] | None = None
+    query: QueryObject,
+    x: float,
+    y: float,
+    z: float = 0.0,
+    *,
+    geometry_ids: Collection[GeometryId] | None = None,
 ) -> float:
-    """Distance in the plane from (``x``, ``y``) to the nearest obstacle, in [m]; negative inside one.
+    """Distance from (``x``, ``y``, ``z``) to the nearest obstacle, in [m]; negative inside one.
 
     Args:
         query: Of the SceneGraph.
-        x, y: In [m], world frame.
+        x, y, z: In [m], world frame. Obstacles without a height are equally far at any z.
         geometry_ids: Geometries that are obstacles; all with a proximity role if None.
 
     Returns:
         Infinite without obstacles.
     """
-    found = query.ComputeSignedDistanceToPoint(np.array([x, y, 0.0]))
+    found = query.ComputeSignedDistanceToPoint(np.array([x, y, z]))
     if geometry_ids is not None:
         found = [item for item in found if item.id_G in geometry_ids]
     return min((item.distance for item in found), default=math.inf)
@@ -158,9 +173,11 @@ class ObstacleDistance:
         self._query = self._scene_graph.get_query_output_port().Eval(self._context)
 
     def __call__(self, positions: ArrayLike) -> NDArray[np.float64]:
-        """Distances (n,), in [m], in the plane, to the nearest obstacle.
+        """Distances (n,), in [m], to the nearest obstacle.
 
         Args:
-            positions: Shape (n, D) or (D,), in [m], with x and y first.
+            positions: Shape (n, D) or (D,), in [m]: x, y and, if D is 3, z.
         """
-        return np.array([least_distance(self._query, x, y) for x, y, *_ in np.atleast_2d(positions).tolist()])
+        return np.array(
+            [least_distance(self._query, *position) for position in np.atleast_2d(positions).tolist()]
+        )

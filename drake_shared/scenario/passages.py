@@ -22,7 +22,7 @@ def widest_passage(scenario: Scenario, goal: Goal) -> float:
     """
     space = scenario.workspace
     width, height = space.x_max - space.x_min, space.y_max - space.y_min
-    cell = max(math.sqrt(width * height / _CELLS), 0.05 * scenario.robot.footprint_radius)
+    cell = max(math.sqrt(width * height / _CELLS), 0.05 * scenario.diff_drive.footprint_radius)
     axes = [
         np.linspace(low, low + size, max(2, 1 + math.ceil(size / cell)))
         for low, size in ((space.x_min, width), (space.y_min, height))

@@ -97,7 +97,7 @@ class _Search:
     """
 
     def __init__(self, scenario: Scenario, goal: Goal) -> None:
-        robot, space = scenario.robot, scenario.workspace
+        robot, space = scenario.diff_drive, scenario.workspace
         self._scale = scaled_length(robot, 1.0)
         self._radius = robot.footprint_radius
         self._distance = PlanarDistance(scenario.static_obstacles)

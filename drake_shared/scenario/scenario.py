@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.common.errors import InputError
-from drake_shared.robots import DiffDrive, scaled_length
+from drake_shared.robots import Arm, DiffDrive, scaled_length
 from drake_shared.scenario.obstacles import Box, Circle, ObstacleDistance
 from drake_shared.scenario.paths import SPACING, Path as RoutePath
 
@@ -24,7 +24,7 @@ PLANTS = ("kinematic", "dynamic")
 
 @dataclasses.dataclass(kw_only=True)
 class Start:
-    """Pose at the start of a trial, in [m] and [rad], world frame."""
+    """Pose at the start of a trial, in [m] and [rad], world frame; an arm starts at home instead."""
 
     x: float = 0.0
     y: float = 0.0
@@ -58,12 +58,21 @@ class Goal:
 
 @dataclasses.dataclass(kw_only=True)
 class Workspace:
-    """Rectangle that contains the task, in [m], world frame."""
+    """Rectangle, or box for an arm, that contains the task, in [m], world frame."""
 
     x_min: float = MUST_BE_GIVEN
     x_max: float = MUST_BE_GIVEN
     y_min: float = MUST_BE_GIVEN
     y_max: float = MUST_BE_GIVEN
+    z_min: float = 0.0
+    """For an arm."""
+    z_max: float = 0.0
+    """For an arm."""
+
+    def corners(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest coordinates (3,) of the box, in [m]."""
+        low = np.array([self.x_min, self.y_min, self.z_min])
+        return low, np.array([self.x_max, self.y_max, self.z_max])
 
     def contains(self, x: float, y: float) -> bool:
         """Whether the point lies inside or on the border."""
@@ -76,7 +85,7 @@ class Route:
 
     name: str = ""
     waypoints: list[list[float]] = dataclasses.field(default_factory=list)
-    """Points (x, y) in [m] that a smooth curve joins, from start to goal."""
+    """Points (x, y), or (x, y, z) for an arm, in [m] that a smooth curve joins, from start to goal."""
     sides: dict[str, str] = dataclasses.field(default_factory=dict)
     """For the name of each static obstacle, "left" or "right": the side on which the robot passes it."""
 
@@ -107,7 +116,7 @@ class Scenario:
     goals: list[Goal] = dataclasses.field(default_factory=list)
     """All goals where there are several, in place of ``goal``; a trial ends at any of them."""
     workspace: Workspace = dataclasses.field(default_factory=Workspace)
-    robot: DiffDrive = dataclasses.field(default_factory=DiffDrive)
+    robot: DiffDrive | Arm = dataclasses.field(default_factory=DiffDrive)
     obstacles: list[Circle | Box] = dataclasses.field(default_factory=list)
     routes: list[Route] = dataclasses.field(default_factory=list)
     duration: float = 15.0
@@ -126,6 +135,19 @@ class Scenario:
     def all_goals(self) -> list[Goal]:
         """The goals, of which there is at least one."""
         return self.goals or [self.goal]
+
+    @property
+    def diff_drive(self) -> DiffDrive:
+        """The robot of a scenario for a differential drive.
+
+        Raises:
+            InputError: The robot is another one.
+        """
+        if isinstance(self.robot, DiffDrive):
+            return self.robot
+        raise InputError(
+            f"scenario {self.name}", "robot", "must be a DiffDrive here", type(self.robot).__name__
+        )
 
     @property
     def static_obstacles(self) -> list[Circle | Box]:
@@ -167,10 +189,12 @@ def clearance_scorer(scenario: Scenario) -> Callable[[NDArray[np.float64]], floa
     """A function of positions (n, D), in [m]: the least clearance of the robot's body along them, in [m].
 
     Clearance is the distance from the robot's centre to the nearest static obstacle, from SceneGraph, less
-    the footprint's radius. Moving obstacles do not count: positions without times cannot be compared to them.
+    the footprint's radius; for an arm, the distance from its tip. Moving obstacles do not count: positions
+    without times cannot be compared to them.
     """
     distance = ObstacleDistance(scenario.static_obstacles)
-    footprint = scenario.robot.footprint_radius
+    robot = scenario.robot
+    footprint = robot.footprint_radius if isinstance(robot, DiffDrive) else 0.0
 
     def clearance(positions: NDArray[np.float64]) -> float:
         return float(np.min(distance(positions))) - footprint

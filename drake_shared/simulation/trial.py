@@ -21,6 +21,7 @@ from drake_shared.common.threads import limit_blas
 from drake_shared.demonstrations import LOG_FORMAT
 from drake_shared.demonstrations.log_table import LOG_VERSION
 from drake_shared.learners import Learner
+from drake_shared.operators.behaviour import behaviour_for
 from drake_shared.robots import describe_robot
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig
@@ -33,6 +34,7 @@ from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.operators import check_operator_inputs
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
+from drake_shared.systems.tip_operator import TipOperator
 
 __all__ = [
     "Behaviour",
@@ -146,8 +148,8 @@ class Simulation:
             "look_ahead": config.look_ahead,
             **self._optional_data,
         }
-        if isinstance(operator, SurrogateOperator):
-            described["behaviour"] = dataclasses.asdict(settings.behaviour)
+        if isinstance(operator, SurrogateOperator | TipOperator):
+            described["behaviour"] = dataclasses.asdict(behaviour_for(self.robot, settings.behaviour))
         if isinstance(operator, RecordedInput) and settings.recording is not None:
             played = np.ascontiguousarray(settings.recording, dtype="<f8")
             described["recording"] = hashlib.sha256(played.tobytes()).hexdigest()[:24]
@@ -185,10 +187,11 @@ class RunningTrial:
             if isinstance(parts.arbiter, Arbiter):
                 parts.arbiter.SetLearner(parts.arbiter.GetMyMutableContextFromRoot(root), learner)
         own = parts.operator.GetMyMutableContextFromRoot(root)
-        if isinstance(parts.operator, SurrogateOperator):
+        if isinstance(parts.operator, SurrogateOperator | TipOperator):
             route = self._route or scenario.routes[0]
             then = None if settings.then is None else scenario.route(settings.then)
-            parts.operator.SetBehaviour(own, route=route, then=then, behaviour=settings.behaviour)
+            behaviour = behaviour_for(simulation.robot, settings.behaviour)
+            parts.operator.SetBehaviour(own, route=route, then=then, behaviour=behaviour)
         elif isinstance(parts.operator, RecordedInput) and settings.recording is not None:
             parts.operator.SetRecording(own, settings.recording)
         self.simulator = Simulator(simulation.diagram, root)

@@ -14,7 +14,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Multiplexer, Random
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner, check_learner
 from drake_shared.learners.no_learner import NoLearner
-from drake_shared.robots import DiffDrive, Robot, check_robot
+from drake_shared.robots import Arm, DiffDrive, Robot, check_robot
 from drake_shared.scenario import Scenario
 from drake_shared.scenario.obstacles import register_obstacles
 from drake_shared.simulation.config import SharedControlConfig
@@ -24,6 +24,7 @@ from drake_shared.simulation.shared_control import SharedControl
 from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.arbiter_guard import ArbiterGuard
 from drake_shared.systems.arbiters import check_arbiter, describe_arbiter, make_arbiter
+from drake_shared.systems.arm_plant import AddArmGeometry, ArmPlant
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.conflict_feedback import ConflictFeedback
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
@@ -38,11 +39,12 @@ from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.robot_position import RobotPosition
 from drake_shared.systems.safety_filter import SafetyFilter
 from drake_shared.systems.surrogate_operator import SurrogateOperator
+from drake_shared.systems.tip_operator import TipOperator
 from drake_shared.systems.waypoint_controller import WaypointController
 
 _DISTRIBUTIONS = {"noise": RandomDistribution.kGaussian, "chance": RandomDistribution.kUniform}
 # They stand for someone who is at the controls from the start.
-_PRESENT_OPERATORS = (SurrogateOperator, RecordedInput)
+_PRESENT_OPERATORS = (SurrogateOperator, TipOperator, RecordedInput)
 
 
 class Systems(TypedDict, total=False):
@@ -85,7 +87,7 @@ class Wiring:
     def wire(self, systems: Systems) -> SharedControl:
         """Adds and connects everything."""
         learner, meshcat = systems.get("learner"), systems.get("meshcat")
-        operator = systems.get("operator") or SurrogateOperator(scenario=self._scenario)
+        operator = systems.get("operator") or surrogate_operator(self._scenario)
         scenario, config, robot, period = self._scenario, self._config, self._robot, self._period
         scene_graph = self._add("scene_graph", SceneGraph())
         register_obstacles(scene_graph, scenario.static_obstacles)
@@ -106,7 +108,9 @@ class Wiring:
         )
         self._add("confidence_blender" if isinstance(arbiter, ConfidenceBlender) else "arbiter", arbiter)
         plant = self._plant(systems.get("plant"), scene_graph, meshcat)
-        self._add("diff_drive_plant" if systems.get("plant") is None else "plant", plant)
+        self._add(plant.get_name() if systems.get("plant") is None else "plant", plant)
+        if isinstance(plant, ArmPlant):
+            AddArmGeometry(self._builder, scene_graph, plant, prefix=self._prefix)
 
         ports = plant_ports(plant, robot)
         pose = ports.pose
@@ -264,8 +268,17 @@ class Wiring:
         scenario, robot = self._scenario, self._robot
         if plant is not None:
             return plant
+        if isinstance(robot, Arm):
+            return ArmPlant(
+                robot=robot,
+                scene_graph=scene_graph,
+                period=self._period,
+                clearance=self._config.safety_clearance,
+                workspace=scenario.workspace,
+            )
         if not isinstance(robot, DiffDrive):
-            raise InputError("robot", type(robot).__name__, "needs a plant: that of scenarios is a DiffDrive")
+            expected = "needs a plant: those of scenarios are a DiffDrive or an Arm"
+            raise InputError("robot", type(robot).__name__, expected)
         # Illustration geometry costs time in every step, and serves only those who look.
         drawn_in = scene_graph if meshcat else None
         if scenario.plant == "kinematic":
@@ -302,10 +315,11 @@ class Wiring:
     ) -> tuple[SafetyFilter | None, OutputPort]:
         """The filter and its command, or None and the shared command."""
         clearance = self._config.safety_clearance
-        if clearance is None:
+        if clearance is None or isinstance(self._robot, Arm):
+            # The plant of an arm keeps the clearance itself, of all its links.
             return None, shared
         if not isinstance(self._robot, DiffDrive):
-            raise InputError("config", "safety_clearance", "requires a differential drive")
+            raise InputError("config", "safety_clearance", "requires a differential drive or an arm")
         safety_filter = self._add(
             "safety_filter",
             SafetyFilter(
@@ -353,6 +367,13 @@ class Wiring:
         if shown:
             visualizer = IntentionVisualizer(meshcat=meshcat, robot=self._robot, period=2 * period)
             self._connect(self._add("intention_visualizer", visualizer), shown)
+
+
+def surrogate_operator(scenario: Scenario) -> SurrogateOperator | TipOperator:
+    """The simulated operator of the scenario's robot."""
+    if isinstance(scenario.robot, Arm):
+        return TipOperator(scenario=scenario)
+    return SurrogateOperator(scenario=scenario)
 
 
 def _wanted(system: LeafSystem, ports: Mapping[str, OutputPort]) -> dict[str, OutputPort]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Generic, TypeVar
 
 import numpy as np
 from pydrake.common.value import Value
@@ -12,10 +13,11 @@ from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.imperfections import answered, coloured_noise, slipped, within_limits
 from drake_shared.operators.steering import SteeringLaw
-from drake_shared.robots import DiffDrive
 from drake_shared.scenario import Route, Scenario
 from drake_shared.scenario.paths import Path
 from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
+
+P = TypeVar("P")
 
 __all__ = ["Behaviour", "SurrogateOperator"]
 
@@ -64,14 +66,11 @@ class SurrogateOperator(LeafSystem):
     def __init__(self, *, scenario: Scenario) -> None:
         super().__init__()
         self.set_name("surrogate_operator")
-        if not isinstance(scenario.robot, DiffDrive):
-            expected = "must be a DiffDrive for the SurrogateOperator"
-            raise InputError(f"scenario {scenario.name}", "robot", expected, type(scenario.robot).__name__)
         if not scenario.routes:
             raise InputError(f"scenario {scenario.name}", "routes", "must name at least one route")
         self._scenario = scenario
-        self._robot = scenario.robot
-        self._fastest = scenario.robot.max_wheel_speed
+        self._robot = scenario.diff_drive
+        self._fastest = self._robot.max_wheel_speed
         self._period = scenario.control_period
         self._law = SteeringLaw(scenario)
         self._pose_port = self.DeclareVectorInputPort("pose", 3)
@@ -79,7 +78,7 @@ class SurrogateOperator(LeafSystem):
         self._chance_port = self.DeclareVectorInputPort("chance", 4)
         self._weight_port = self.DeclareVectorInputPort("human_weight", 1)
         self._shared_port = self.DeclareVectorInputPort("shared_command", 2)
-        first = _IntendedRoute(scenario.path_of(scenario.routes[0]))
+        first = IntendedRoute(scenario.path_of(scenario.routes[0]))
         self._route_index = int(self.DeclareAbstractParameter(Value(first)))
         self._behaviour_index = int(self.DeclareAbstractParameter(Value(Behaviour())))
         command_index = self.DeclareDiscreteState(2)
@@ -112,13 +111,13 @@ class SurrogateOperator(LeafSystem):
             then: Route to which the operator changes at ``behaviour.switch_time``.
         """
         paths = [self._scenario.path_of(item) for item in (route, then) if item is not None]
-        context.get_mutable_abstract_parameter(self._route_index).set_value(_IntendedRoute(*paths))
+        context.get_mutable_abstract_parameter(self._route_index).set_value(IntendedRoute(*paths))
         context.get_mutable_abstract_parameter(self._behaviour_index).set_value(behaviour)
 
     set_behaviour = SetBehaviour
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        route: _IntendedRoute = context.get_abstract_parameter(self._route_index).get_value()
+        route: IntendedRoute[Path] = context.get_abstract_parameter(self._route_index).get_value()
         behaviour: Behaviour = context.get_abstract_parameter(self._behaviour_index).get_value()
         law, now = self._law, context.get_time()
         path = route.path(changed=now >= behaviour.switch_time)
@@ -173,16 +172,17 @@ class SurrogateOperator(LeafSystem):
         return answered(behaviour, intended, last, shared, weight, self._fastest)
 
 
-class _IntendedRoute:
+class IntendedRoute(Generic[P]):
     """The curve of a route, perhaps with another one to change to."""
 
-    def __init__(self, first: Path, then: Path | None = None) -> None:
+    def __init__(self, first: P, then: P | None = None) -> None:
         self._first = first
         self._then = then
 
-    def path(self, *, changed: bool) -> Path:
+    def path(self, *, changed: bool) -> P:
+        """The curve that the operator follows before, or after, the change."""
         return self._then if changed and self._then is not None else self._first
 
-    def __deepcopy__(self, memo: dict[int, object]) -> _IntendedRoute:
+    def __deepcopy__(self, memo: dict[int, object]) -> IntendedRoute[P]:
         # Immutable, and Drake copies the parameters of a Context often.
         return self

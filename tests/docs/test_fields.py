@@ -9,6 +9,7 @@ import pytest
 from pyarrow import parquet
 
 from drake_shared import (
+    Arm,
     Authority,
     Box,
     Circle,
@@ -45,7 +46,7 @@ def names(line: str) -> list[str]:
     return re.findall(r"`([\w.]+)`", line.split("|")[1])
 
 
-@pytest.mark.parametrize("kind", [Scenario, Start, Goal, Workspace, Route, Circle, Box, DiffDrive])
+@pytest.mark.parametrize("kind", [Scenario, Start, Goal, Workspace, Route, Circle, Box, DiffDrive, Arm])
 def test_scenario_fields(kind):
     assert listed("scenario.md", kind.__name__) == {field.name for field in dataclasses.fields(kind)}
 

@@ -202,6 +202,8 @@ def test_the_metadata_says_all_that_matters_and_is_json(simulation, scenario):
         "x": 1.4,
         "y": 0.0,
         "radius": 0.25,
+        "z": 0.0,
+        "height": 0.0,
         "path": [],
     }
     assert (told["learner"], told["preset"], told["learner_id"]) == ("fake", "test", "fake")

@@ -130,7 +130,7 @@ def _scene(data: Mapping[str, Any]) -> dict[str, Any]:
         "obstacles": obstacles,
         "start": [scenario.start.x, scenario.start.y, scenario.start.yaw],
         "goals": describe_goals(scenario),
-        "robot": scenario.robot.footprint_radius,
+        "robot": scenario.diff_drive.footprint_radius,
         "routes": routes,
     }
 

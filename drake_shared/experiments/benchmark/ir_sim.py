@@ -56,7 +56,7 @@ class IrSim:
 
 def describe_world(scenario: Scenario) -> dict[str, Any]:
     """The scenario in IR-SIM's format, with the robot moved below all obstacles, where its path is free."""
-    space, robot = scenario.workspace, scenario.robot
+    space, robot = scenario.workspace, scenario.diff_drive
     lowest = min((item.y - item.bounding_radius() for item in scenario.obstacles), default=0.0)
     turn = 2.0 * robot.max_speed / robot.track
     return {

@@ -60,7 +60,7 @@ class State:
     def filtered(self) -> Wheels:
         """The command after the filter."""
         return safe_command(
-            self.scenario.robot,
+            self.scenario.diff_drive,
             self.pose,
             self.wheels,
             self.command,
@@ -71,7 +71,7 @@ class State:
 
     def program(self) -> Program:
         """A quadratic program for the wheel speeds nearest to the command, with active constraints."""
-        change = self.scenario.robot.max_wheel_acceleration * self.scenario.control_period
+        change = self.scenario.diff_drive.max_wheel_acceleration * self.scenario.control_period
         angles = np.linspace(0.0, 2 * np.pi, OBSTACLES, endpoint=False)
         normals = np.column_stack([np.cos(angles), np.sin(angles)])
         low, high = np.subtract(self.wheels, change), np.add(self.wheels, change)
@@ -105,7 +105,7 @@ def run(setup: Setup) -> GroupResult:
 def draw_states(setup: Setup) -> list[list[State]]:
     """STATES states in which the filter passes the command, and as many in which it changes it."""
     rng = np.random.default_rng(0)
-    robot, period = setup.scenario.robot, setup.scenario.control_period
+    robot, period = setup.scenario.diff_drive, setup.scenario.control_period
     passed: list[State] = []
     changed: list[State] = []
     while min(len(passed), len(changed)) < 10 * STATES:

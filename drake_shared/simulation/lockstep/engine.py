@@ -107,7 +107,7 @@ class _Run:
         learners: Sequence[Learner | None],
     ) -> None:
         scenario, config, parts = simulation.scenario, simulation.config, simulation.parts
-        robot = scenario.robot
+        robot = scenario.diff_drive
         self._scenario = scenario
         self._robot: DiffDrive = robot
         self._plants = plants

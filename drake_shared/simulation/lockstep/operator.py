@@ -39,7 +39,7 @@ class Operators:
     def __init__(self, scenario: Scenario, settings: Sequence[TrialSettings], noise: Noise) -> None:
         self._scenario = scenario
         self._law = SteeringLaw(scenario)
-        self._fastest = scenario.robot.max_wheel_speed
+        self._fastest = scenario.diff_drive.max_wheel_speed
         self._routes = {route.name: index for index, route in enumerate(scenario.routes)}
         paths = [scenario.path_of(route) for route in scenario.routes]
         self._table = RouteTable(paths, search=self._law.search)
@@ -108,7 +108,7 @@ class Operators:
             speed_factor=behaviour.speed_factor,
             xp=ARRAYS,
         )
-        steered = self._scenario.robot.wheel_speeds(speed, turn + behaviour.skill * correction, ARRAYS)
+        steered = self._scenario.diff_drive.wheel_speeds(speed, turn + behaviour.skill * correction, ARRAYS)
         meant = [np.where(steers, wheel, 0.0) for wheel in steered]
         keep = np.exp(-period / behaviour.noise_time)
         normal = self._normal[step][:, state["trial"]]

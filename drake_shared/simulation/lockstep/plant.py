@@ -22,7 +22,7 @@ class Plants:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._robot = scenario.robot
+        self._robot = scenario.diff_drive
         self._period = scenario.control_period
         self._distance = PlanarDistance(scenario.obstacles)
 

@@ -31,7 +31,7 @@ class SafetyFilters:
     """
 
     def __init__(self, scenario: Scenario, clearance: float) -> None:
-        self._robot = scenario.robot
+        self._robot = scenario.diff_drive
         self._period = scenario.control_period
         self._clearance = clearance
         self._distances = [PlanarDistance([obstacle]) for obstacle in scenario.obstacles]

@@ -57,7 +57,7 @@ def unsupported(simulation: Simulation, learner: Learner | None = None) -> str |
         return f"controller {type(parts.controller).__name__}"
     if (
         parts.driver_switch is not parts.arbiter
-        or make_arbitration(parts.driver_switch, scenario.robot) is None
+        or make_arbitration(parts.driver_switch, scenario.diff_drive) is None
     ):
         return f"arbiter {parts.arbitration['name']}"
     if config.feedback:
