@@ -61,6 +61,9 @@ class _FieldCheck:
                 self.check(value, arguments[1], f"{field}.{key.value}")
         elif schema is float:
             self._check_number(node, field)
+        elif schema is bool:
+            if not isinstance(node, yaml.ScalarNode) or node.value not in ("true", "false"):
+                raise self._wrong(node, field, "must be true or false")
         elif schema is str:
             self._check_text(node, field)
 

@@ -40,6 +40,8 @@ class Circle:
     """In [m]; 0 for an obstacle without top and bottom, as robots on a floor meet it."""
     path: list[list[float]] = dataclasses.field(default_factory=list)
     """Points [t, x, y] in [s] and [m]; linear between them, at rest before the first and after the last."""
+    mapped: bool = True
+    """Whether the agent knows it. The human and the safety filter see any obstacle."""
 
     def sizes(self) -> dict[str, float]:
         """Fields that must be positive, by name."""
@@ -77,6 +79,8 @@ class Box:
     """In [m]; 0 for an obstacle without top and bottom, as robots on a floor meet it."""
     path: list[list[float]] = dataclasses.field(default_factory=list)
     """Points [t, x, y] in [s] and [m]; linear between them, at rest before the first and after the last."""
+    mapped: bool = True
+    """Whether the agent knows it. The human and the safety filter see any obstacle."""
 
     def sizes(self) -> dict[str, float]:
         """Fields that must be positive, by name."""

@@ -154,6 +154,10 @@ class Scenario:
         """The obstacles that never move."""
         return [item for item in self.obstacles if not item.path]
 
+    def as_mapped(self) -> "Scenario":
+        """The scenario as the agent knows it: without the obstacles that are not mapped."""
+        return dataclasses.replace(self, obstacles=[item for item in self.obstacles if item.mapped])
+
     @property
     def steps(self) -> int:
         """Number of control steps in a trial."""

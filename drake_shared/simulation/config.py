@@ -45,6 +45,8 @@ class SharedControlConfig:
     """What the human keeps, whatever the agent's confidence."""
     look_ahead: float = 0.6
     """The agent steers to the position predicted this time ahead, in s."""
+    path_repair: bool = True
+    """Predicted paths that lead through obstacles known to the agent are moved aside, or end there."""
     safety_clearance: float | None = None
     """Distance that a safety filter keeps to obstacles, in m; None: no filter."""
     feedback: Feedback = dataclasses.field(default_factory=Feedback)
@@ -63,6 +65,8 @@ class SharedControlConfig:
                 raise InputError(
                     "config", name, f"must be one of {', '.join(known)}", repr(getattr(self, name))
                 )
+        if not isinstance(self.path_repair, bool):
+            raise InputError("config", "path_repair", "must be true or false", repr(self.path_repair))
         for name in ("look_ahead", "safety_clearance", "confidence_gain"):
             value = getattr(self, name)
             optional = value is None and name != "look_ahead"
@@ -120,12 +124,12 @@ def config_for(preset: str | None, **changes: Any) -> SharedControlConfig:
     """The config that goes with learners of a preset, where none is given.
 
     Args:
-        preset: "paper" gives eq. (2) alone, without authority, as in the paper; any other one the defaults.
-            None (no learner) has no authority either, since there is no agent.
+        preset: "paper" gives eq. (2) alone, without authority or path repair, as in the paper; any other one
+            the defaults. None (no learner) has neither, since there is no agent.
         changes: Fields that differ.
     """
     if preset in (None, "paper"):
-        changes = {"authority": Authority(enabled=False), **changes}
+        changes = {"authority": Authority(enabled=False), "path_repair": False, **changes}
     return SharedControlConfig(**changes)
 
 
@@ -151,13 +155,16 @@ def config_of_log(
         InputError: The metadata hold no valid config.
     """
     if "config" in metadata:
-        return SharedControlConfig.from_json(metadata["config"], source=source)
+        data = metadata["config"]
+        # Logs that are older than the field were made without it.
+        data = {"path_repair": False, **data} if isinstance(data, Mapping) else data
+        return SharedControlConfig.from_json(data, source=source)
     # Logs that are older than arbitration have no such field, and no authority.
     arbitration = metadata.get("arbitration", {"name": _BLEND, "configuration": {"authority": None}})
     if not isinstance(arbitration, Mapping) or not isinstance(arbitration.get("configuration"), Mapping):
         raise InputError(source, "arbitration", "must be name and configuration of an arbiter")
     name, configuration = arbitration.get("name"), arbitration["configuration"]
-    data: dict[str, Any] = {"arbitration": name}
+    data = {"arbitration": name, "path_repair": False}
     if name == _BLEND:
         authority = configuration.get("authority")
         data["authority"] = {"enabled": False} if authority is None else authority

@@ -11,6 +11,7 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Multiplexer, RandomSource, VectorLogSink
 
+from drake_shared.arbitration.path_repair import make_path_repair
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner, check_learner
 from drake_shared.learners.no_learner import NoLearner
@@ -98,7 +99,14 @@ class Wiring:
         self._add("operator", operator)
         estimator = self._add(
             "intention_estimator",
-            IntentionEstimator(learner=learner or NoLearner(scenario.duration), robot=robot, period=period),
+            IntentionEstimator(
+                learner=learner or NoLearner(scenario.duration),
+                robot=robot,
+                period=period,
+                repair=make_path_repair(scenario, robot, look_ahead=config.look_ahead)
+                if config.path_repair
+                else None,
+            ),
         )
         controller = self._add("waypoint_controller", self._controller(systems.get("controller")))
         present = isinstance(operator, _PRESENT_OPERATORS)
@@ -233,7 +241,7 @@ class Wiring:
             authority=config.authority,
             driver=driver,
             initial_idle_time=idle_time,
-            scenario=self._scenario,
+            scenario=self._scenario.as_mapped(),
         )
         return arbiter, describe_arbiter(arbiter, config.arbitration)
 

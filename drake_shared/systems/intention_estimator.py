@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, OutputPort
 
+from drake_shared.arbitration.path_repair import PathRepair
 from drake_shared.common.errors import InputError, RunError
-from drake_shared.learners import Learner, confidence
+from drake_shared.learners import Learner, Modes, confidence
 from drake_shared.robots import DiffDrive, Robot, check_robot, scaled_length
 from drake_shared.systems.discrete_update import DeclareDiscreteUpdate, check_positive
 from drake_shared.systems.intention import Intention, empty_intention
@@ -109,6 +110,8 @@ class IntentionEstimator(LeafSystem):
         robot: Gives the sizes of the inputs, and where a command leads.
         period: Control step, in [s].
         reach: Time ahead at which a command is an observation, in [s].
+        repair: Keeps paths of intention and modes clear of known obstacles. The square of how far it moves
+            a point is added to the variance there, which lowers the confidence.
 
     Raises:
         InputError: An argument is out of range, or learner and robot differ in the size of positions.
@@ -118,7 +121,13 @@ class IntentionEstimator(LeafSystem):
     """
 
     def __init__(
-        self, *, learner: Learner, robot: Robot | None = None, period: float = 0.05, reach: float = REACH
+        self,
+        *,
+        learner: Learner,
+        robot: Robot | None = None,
+        period: float = 0.05,
+        reach: float = REACH,
+        repair: PathRepair | None = None,
     ) -> None:
         super().__init__()
         self.set_name("intention_estimator")
@@ -127,6 +136,7 @@ class IntentionEstimator(LeafSystem):
         check_positive(self, reach=reach)
         self._robot = robot
         self._reach = reach
+        self._repair = repair
         self._least_distance = scaled_length(robot, LEAST_DISTANCE)
         self._size = len(robot.position_names)
         self._pose_port = self.DeclareVectorInputPort("pose", len(robot.configuration_names))
@@ -238,11 +248,18 @@ class IntentionEstimator(LeafSystem):
             whole_mean = prepared.padded(mean_with)
             variance = np.maximum(np.maximum(variance, variance_with), moved)
             by_command = math.sqrt(self._size * float(np.add.reduce(moved, axis=None)) / moved.size)
-        # Every query is later than now: this is the mean of eq. (1). A method of the array is slower.
-        spread = float(np.add.reduce(variance, axis=None)) / variance.size
         if modes is not None:
             # The agent helps along the mode that the driver follows, not along the mean between two.
             whole_mean = prepared.padded(modes.mean[modes.aim])
+        if self._repair is not None:
+            times_to_come = context.get_time() + later - now
+            path, moved, modes = self._repaired(
+                self._repair, pose, whole_mean[first:], times_to_come, context.get_time(), modes
+            )
+            whole_mean = prepared.padded(path)
+            variance = variance + np.square(moved)[:, None]
+        # Every query is later than now: this is the mean of eq. (1). A method of the array is slower.
+        spread = float(np.add.reduce(variance, axis=None)) / variance.size
         output.set_value(
             _Estimate(
                 time=now,
@@ -256,6 +273,29 @@ class IntentionEstimator(LeafSystem):
                 expected=expected,
                 by_command=by_command,
             )
+        )
+
+    @staticmethod
+    def _repaired(
+        repair: PathRepair,
+        pose: list[float],
+        path: NDArray[np.float64],
+        times: NDArray[np.float64],
+        now: float,
+        modes: Modes | None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Modes | None]:
+        """Path (Q, 2) to assist, how far its points were moved (Q,), and the modes."""
+        paths = path[None] if modes is None else modes.mean
+        count = len(paths)
+        poses = np.repeat([pose], count, axis=0)
+        paths, moved = repair(poses, paths, np.repeat(times[None], count, axis=0), np.full(count, now))
+        if modes is None:
+            return paths[0], moved[0], None
+        variance = modes.variance + np.square(moved)[..., None]
+        return (
+            paths[modes.aim],
+            moved[modes.aim],
+            dataclasses.replace(modes, mean=paths, variance=variance),
         )
 
     def _pointed(self, context: Context, pose: list[float]) -> tuple[float, ...] | None:

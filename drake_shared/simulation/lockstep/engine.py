@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drake_shared.arbitration.path_repair import make_path_repair
 from drake_shared.common.elementwise import ARRAYS
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
@@ -139,6 +140,9 @@ class _Run:
                 steps=scenario.steps,
                 use_human_command=kind[1],
                 look_ahead=config.look_ahead,
+                repair=make_path_repair(scenario, robot, look_ahead=config.look_ahead)
+                if config.path_repair
+                else None,
             )
             for kind in found
         ]

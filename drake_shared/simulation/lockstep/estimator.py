@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from drake_shared.arbitration.path_repair import PathRepair
 from drake_shared.common.elementwise import ARRAYS
 from drake_shared.demonstrations import ProgressClock
 from drake_shared.learners import Learner, confidence
@@ -53,6 +54,7 @@ class Estimators:
         steps: Number of control steps.
         use_human_command: See `IntentionEstimator.SetLearner`.
         look_ahead: Of the controller, in [s].
+        repair: Keeps predicted paths clear of known obstacles.
     """
 
     def __init__(
@@ -64,6 +66,7 @@ class Estimators:
         steps: int,
         use_human_command: bool,
         look_ahead: float,
+        repair: PathRepair | None = None,
     ) -> None:
         self.default_gain = 1.0 if learner is None else learner.confidence_gain
         self._robot = robot
@@ -82,6 +85,8 @@ class Estimators:
             self._later = steps + 1
         else:
             times = prepared.grid
+        self._period, self._repair = period, repair
+        self._grid, self._times = prepared.grid, times
         self._first = np.array([prepared.first_after(time) for time in times.tolist()])
         self._predictor = make_rows(learner, times)
         self._moments = prepared.moments[::2] // 2
@@ -131,7 +136,9 @@ class Estimators:
         order = np.argsort(self._first[index], kind="stable")
         for begin in range(0, rows, _ROWS):
             part = order[begin : begin + _ROWS]
-            block = self._block(observed[part], positions[part], pointed[part])
+            block = self._block(
+                observed[part], positions[part], pointed[part], pose[:, part].T, step * self._period
+            )
             spread[part], moved[part], target[:, part], later_expected = block
             expected[:, MOMENTS - later_expected.shape[1] :, part] = later_expected
         flat = expected.transpose(1, 0, 2).reshape(2 * MOMENTS, rows)
@@ -150,7 +157,7 @@ class Estimators:
         )
 
     def _block(
-        self, observed: Integers, positions: Floats, pointed: NDArray[np.bool_]
+        self, observed: Integers, positions: Floats, pointed: NDArray[np.bool_], poses: Floats, time: float
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """Mean variance, distance moved by the command, target and expected positions of some rows."""
         now = observed[:, 0]
@@ -174,10 +181,30 @@ class Estimators:
             both = np.maximum(np.maximum(total, variance[:, 1]), apart)
             total = np.where(pointed[:, None, None], both, total)
             chosen = np.where(pointed[:, None, None], aimed[:, 1], chosen)
+        if self._repair is not None:
+            chosen, moved_aside = self._repaired(self._repair, chosen, poses, now, time)
+            total = total + np.square(moved_aside)[:, None]
         moments = self._moments[self._moments >= start]
         expected = mean[:, 0][:, :, moments - start].transpose(1, 2, 0)
         expected = np.where(moments[:, None] >= first, expected, math.nan)
         return mean_to_come(total), moved, self._aims.target(chosen, now, start), expected
+
+    def _repaired(
+        self, repair: PathRepair, chosen: Floats, poses: Floats, now: Integers, time: float
+    ) -> tuple[Floats, Floats]:
+        """Means (n, 2, Q) and how far they were moved (n, Q), from `_first` of each row on."""
+        count = chosen.shape[2]
+        skipped = self._first[now] - (self._count - count)
+        # Each row from its first query on; the last point is repeated beyond the end.
+        index = np.minimum(skipped[:, None] + np.arange(count), count - 1)
+        paths = np.take_along_axis(chosen, index[:, None], axis=2).transpose(0, 2, 1)
+        times = time + self._grid[self._count - count + index] - self._times[now][:, None]
+        found, moved = repair(poses, paths, times, np.full(len(now), time))
+        back = np.maximum(np.arange(count) - skipped[:, None], 0)
+        return (
+            np.take_along_axis(found.transpose(0, 2, 1), back[:, None], axis=2),
+            np.take_along_axis(moved, back, axis=1),
+        )
 
 
 class _Clock:

@@ -1,0 +1,73 @@
+"""Geometry of paths in the plane beside obstacles that may move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drake_shared.common.elementwise import ARRAYS
+from drake_shared.scenario.obstacles import Obstacle
+from drake_shared.scenario.planar_distance import distance_and_gradient
+
+Floats = NDArray[np.float64]
+
+JOINED = 12
+"""Predictions among which the one nearest to the robot is looked for."""
+
+
+def pursuit_arc(pose: Floats, target: Sequence[float]) -> Floats:
+    """Points (7, 2) of the arc from a pose to a target; a robot first turns to one behind it."""
+    x, y, yaw = pose
+    dx, dy = target[0] - x, target[1] - y
+    bearing = math.remainder(math.atan2(dy, dx) - yaw, math.tau)
+    if abs(bearing) > 0.5 * math.pi:
+        return pose[None, :2]
+    share = np.linspace(0.0, 1.0, 7)
+    # A chord of an arc lies at half the angle that the direction has turned.
+    chord = math.hypot(dx, dy) / max(math.sin(abs(bearing)), 1e-9) * np.sin(share * max(abs(bearing), 1e-9))
+    direction = yaw + bearing * share
+    return np.stack([x + chord * np.cos(direction), y + chord * np.sin(direction)], axis=-1)
+
+
+def joined(robot: Floats, paths: Floats) -> Floats:
+    """Paths (n, Q, 2) that do not first lead back, to a beginning that the robot (n, 2) has passed."""
+    nearest = np.hypot(*(paths[:, :JOINED] - robot[:, None]).transpose(2, 0, 1)).argmin(axis=1)[:, None]
+    index = np.arange(paths.shape[1])
+    at_join = np.take_along_axis(paths, nearest[..., None], axis=1)
+    share = ((index + 1) / (nearest + 1))[..., None]
+    straight = robot[:, None] + share * (at_join - robot[:, None])
+    return np.where((index < nearest)[..., None], straight, paths)
+
+
+def obstacle_distance(obstacle: Obstacle, points: Floats) -> Floats:
+    """Distances (n, m) from points (n, m, 2) to an obstacle at its place at the start, in [m]."""
+    distance: Floats = distance_and_gradient(obstacle, points[..., 0], points[..., 1], ARRAYS)[0]
+    return distance
+
+
+def displacements(obstacle: Obstacle, times: Floats) -> Floats:
+    """How far an obstacle is from its place at the start at times (n, m): shape (n, m, 2) or (1, 1, 2)."""
+    if not obstacle.path:
+        return np.zeros((*times.shape, 2))
+    at, *places = np.array(obstacle.path).T
+    start = (obstacle.x, obstacle.y)
+    return np.stack(
+        [np.interp(times, at, place) - origin for place, origin in zip(places, start, strict=True)], axis=-1
+    )
+
+
+def gap_between(one: Obstacle, other: Obstacle) -> float:
+    """Distance between two static obstacles, in [m]; infinite if one of them moves."""
+    if one.path or other.path:
+        return math.inf
+    x, y = other.x, other.y
+    for _ in range(30):
+        # Alternating projections onto two convex sets.
+        for item in (one, other):
+            distance, *slope = distance_and_gradient(item, x, y)
+            if distance > 0.0:
+                x, y = x - distance * slope[0], y - distance * slope[1]
+    return float(max(distance_and_gradient(one, x, y)[0], 0.0))

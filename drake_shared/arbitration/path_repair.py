@@ -1,0 +1,234 @@
+"""Keeps predicted paths clear of the obstacles that a scenario holds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drake_shared.arbitration.path_geometry import (
+    displacements,
+    gap_between,
+    joined,
+    obstacle_distance,
+    pursuit_arc,
+)
+from drake_shared.common.errors import InputError
+from drake_shared.robots import DiffDrive, Robot, scaled_length
+from drake_shared.scenario import Scenario
+from drake_shared.scenario.obstacles import Obstacle
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+# Lengths in [m] for the Pioneer P3-DX: kept beside the body where there is room, and at least; and the
+# length of the path on which it moves aside before an obstacle, as a multiple of how far it moves.
+_MARGIN, _LEAST = 0.1, 0.01
+_RAMP = 1.5
+# Points between the robot and the first prediction, and points checked on each piece of a path.
+_LEAD, _CHECKED = 8, 4
+# Kept by the arc to the point that is followed, in [m]; and how far that point is held back, at most.
+_ARC_CLEARANCE = 0.04
+_SHARES = (1.0, 0.75, 0.55, 0.4, 0.25, 0.12, 0.0)
+_ROUNDS, _MARCHES = 4, 12
+
+
+class PathRepair:
+    """Moves predicted paths aside, past each obstacle on the side on which they pass its centre.
+
+    A path that still meets an obstacle, because there is no room beside it, ends before it: the robot is
+    expected to wait there. Obstacles that move are where their paths have them at the time of each point.
+
+    A path that is clear is returned as it is. Any other begins at the robot, is no faster than the robot, so
+    that it has no jumps, and advances no further within the look-ahead than the robot can follow it on an arc
+    that is clear.
+
+    Args:
+        scenario: Its obstacles, static and moving, its workspace and its robot are known.
+        look_ahead: Of the controller that follows the path, in [s].
+    """
+
+    def __init__(self, scenario: Scenario, *, look_ahead: float) -> None:
+        robot = scenario.robot
+        if not isinstance(robot, DiffDrive):
+            raise InputError(f"scenario {scenario.name}", "robot", "must be a differential drive")
+        self._look_ahead = look_ahead
+        self._arc_clearance = scaled_length(robot, _ARC_CLEARANCE)
+        self._obstacles = scenario.obstacles
+        self._radius = robot.footprint_radius
+        self._least = scaled_length(robot, _LEAST)
+        self._fastest = robot.max_speed
+        space = scenario.workspace
+        self._corners = np.array([[space.x_min, space.y_min], [space.x_max, space.y_max]])
+        self._margins = [self._margin_of(item, scaled_length(robot, _MARGIN)) for item in self._obstacles]
+
+    def __call__(self, poses: Floats, paths: Floats, times: Floats, now: Floats) -> tuple[Floats, Floats]:
+        """Repairs predicted paths.
+
+        Args:
+            poses: Shape (n, 3), of the robot now: x, y, yaw, in [m, m, rad].
+            paths: Shape (n, Q, 2), predicted positions, in [m]; rows with NaN are returned as they are.
+            times: Shape (n, Q), of the predictions, in [s] from the start of the trial.
+            now: Shape (n,), in [s].
+
+        Returns:
+            The repaired paths (n, Q, 2), and how far each point was moved (n, Q), in [m].
+        """
+        moved, robot = np.zeros(paths.shape[:2]), poses[:, :2]
+        rows = np.flatnonzero(self._meets(robot, paths, times, now))
+        if not len(rows):
+            return paths, moved
+        lead = np.linspace(0.0, 1.0, _LEAD, endpoint=False)[:, None]
+        start, path = robot[rows, None], joined(robot[rows], paths[rows])
+        whole = np.concatenate([start + lead * (path[:, :1] - start), path], axis=1)
+        at = np.concatenate(
+            [now[rows, None] + lead[:, 0] * (times[rows, :1] - now[rows, None]), times[rows]], axis=1
+        )
+        shifts = [displacements(item, at) for item in self._obstacles]
+        aside = self._moved_aside(whole, shifts)
+        ends = self._ends(aside, whole, shifts)
+        repaired = paths.copy()
+        for row, points, end, ahead in zip(rows, aside, ends, times[rows] - now[rows, None], strict=True):
+            arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+            possible = self._fastest * np.maximum(ahead, 0.0)
+            wanted = np.minimum(arc[_LEAD:], arc[end])
+            wanted = possible + np.minimum(np.minimum.accumulate(wanted - possible), 0.0)
+            wanted = self._followed(poses[row], points, arc, wanted, ahead)
+            repaired[row] = np.stack([np.interp(wanted, arc, axis) for axis in points.T], axis=-1)
+        moved[rows] = np.hypot(*(repaired[rows] - paths[rows]).transpose(2, 0, 1))
+        return repaired, moved
+
+    def _margin_of(self, obstacle: Obstacle, wanted: float) -> float:
+        """What is kept beside the body, in [m]: less beside a gap that is hardly wider than the robot."""
+        gaps = (gap_between(obstacle, item) for item in self._obstacles if item is not obstacle)
+        rooms = (0.4 * (gap - 2.0 * self._radius) for gap in gaps)
+        return min([wanted, *(room for room in rooms if room > self._least)])
+
+    def _meets(self, robot: Floats, paths: Floats, times: Floats, now: Floats) -> Flags:
+        """Whether each path comes nearer to an obstacle than wanted."""
+        found = np.zeros(len(paths), bool)
+        halfway = 0.5 * (robot + paths[:, 0])
+        whole = np.concatenate([halfway[:, None], paths], axis=1)
+        at = np.concatenate([0.5 * (now + times[:, 0])[:, None], times], axis=1)
+        for item, margin in zip(self._obstacles, self._margins, strict=True):
+            near = obstacle_distance(item, whole - displacements(item, at)) < self._radius + margin
+            found |= near.any(axis=1)
+        return found
+
+    def _moved_aside(self, whole: Floats, shifts: list[Floats]) -> Floats:
+        """Paths (n, m, 2), which begin at the robot, with each stretch near an obstacle moved aside."""
+        whole = whole.copy()
+        for _ in range(_ROUNDS):
+            changed = False
+            for item, margin, shift in zip(self._obstacles, self._margins, shifts, strict=True):
+                changed |= self._pass(whole, item, margin, shift)
+            if not changed:
+                break
+        return whole
+
+    def _pass(self, whole: Floats, item: Obstacle, margin: float, shift: Floats) -> bool:
+        """Moves the first stretch of each path that is near one obstacle aside; whether there was one."""
+        relative = whole - shift
+        distance = obstacle_distance(item, relative)
+        # Where the robot or the end of its path already is nearer, no more can be kept than it has there.
+        kept = np.minimum(self._radius + margin, np.minimum(distance[:, 0], distance[:, -1]) - 1e-6)
+        kept = np.maximum(kept, self._radius + self._least)
+        inside = distance < kept[:, None] - 1e-9
+        inside[:, 0] = False
+        # A path that ends inside the obstacle is cut off later.
+        rows = np.flatnonzero(inside.any(axis=1) & (distance[:, -1] >= kept))
+        if not len(rows):
+            return False
+        last = whole.shape[1] - 1
+        for row in rows.tolist():
+            first = int(inside[row].argmax())
+            after = first + int(np.append(~inside[row, first:], True).argmax())
+            before, beyond = relative[row, first - 1], relative[row, min(after, last)]
+            chord = beyond - before
+            length = math.hypot(*chord)
+            if length < 1e-9:
+                continue
+            left = np.array([-chord[1], chord[0]]) / length
+            stretch = relative[row, first:after]
+            to_center = stretch - (item.x, item.y)
+            side = float(to_center[np.hypot(*to_center.T).argmin()] @ left)
+            aside = left if side >= 0.0 else -left
+            far = 2.0 * item.bounding_radius() + 2.0 * kept[row]
+            reach = np.full(len(stretch), far)
+            for _ in range(_MARCHES):
+                reach -= np.maximum(
+                    obstacle_distance(item, stretch + reach[:, None] * aside) - kept[row], 0.0
+                )
+            offset = float(reach.max()) + 1e-3
+            if self._is_outside(whole[row, first:after] + offset * aside).any():
+                continue
+            arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(whole[row], axis=0).T))])
+            ramp = max(_RAMP * offset, 1e-6)
+            up = np.clip((arc - (arc[first] - ramp)) / ramp, 0.0, 1.0)
+            down = np.clip((arc[min(after, last)] + ramp - arc) / ramp, 0.0, 1.0)
+            # A ramp that would begin behind the robot begins at it.
+            behind = 0.5 - 0.5 * math.cos(math.pi * float(up[0]))
+            share = 0.5 - 0.5 * np.cos(math.pi * np.minimum(up, down))
+            if behind > 0.0:
+                share = np.where(up < 1.0, (share - behind) / (1.0 - behind), share)
+                share[0] = 0.0
+            whole[row] += offset * np.maximum(share, 0.0)[:, None] * aside
+        return True
+
+    def _is_outside(self, points: Floats) -> Flags:
+        """Whether points (..., 2) lie outside the workspace."""
+        outside: Flags = ((points < self._corners[0]) | (points > self._corners[1])).any(axis=-1)
+        return outside
+
+    def _followed(self, pose: Floats, points: Floats, arc: Floats, wanted: Floats, ahead: Floats) -> Floats:
+        """Arc lengths ``wanted`` (Q,) along a path, held back where the robot could not follow it.
+
+        Pure pursuit drives an arc to the point a look-ahead from now: the nearer that point, the more slowly,
+        and the more it turns on the spot.
+        """
+        reach = float(np.interp(self._look_ahead, ahead, wanted))
+        for share in _SHARES:
+            target = [np.interp(share * reach, arc, axis) for axis in points.T]
+            along = pursuit_arc(pose, target)
+            gaps = [
+                obstacle_distance(item, along[None] - displacements(item, ahead[None, :1]))
+                for item in self._obstacles
+            ]
+            least = [np.minimum(self._radius + self._arc_clearance, gap[0, 0]) for gap in gaps]
+            if all((gap[0] >= low - 1e-9).all() for gap, low in zip(gaps, least, strict=True)):
+                break
+        if share == 1.0:
+            return wanted
+        later = self._fastest * np.maximum(ahead - self._look_ahead, 0.0)
+        held: Floats = np.minimum(wanted, share * reach + later)
+        return held
+
+    def _ends(self, aside: Floats, whole: Floats, shifts: list[Floats]) -> NDArray[np.int64]:
+        """Index (n,) of the last point of each path before it meets an obstacle or leaves the workspace."""
+        count = aside.shape[1]
+        fine = np.arange((count - 1) * _CHECKED + 1) / _CHECKED
+        begin = np.minimum(fine.astype(int), count - 2)
+        share = (fine - begin)[:, None]
+
+        def refined(values: Floats) -> Floats:
+            between: Floats = values[:, begin] + share * (values[:, begin + 1] - values[:, begin])
+            return between
+
+        points = refined(aside)
+        blocked = np.zeros(points.shape[:2], bool)
+        for item, shift in zip(self._obstacles, shifts, strict=True):
+            distance = obstacle_distance(item, points - refined(shift))
+            least = np.minimum(self._radius + 0.5 * self._least, distance[:, :1] - 1e-9)
+            blocked |= distance < least
+        blocked |= self._is_outside(points) & (np.abs(points - refined(whole)).max(axis=2) > 1e-9)
+        first = np.where(blocked.any(axis=1), blocked.argmax(axis=1), len(fine))
+        ends: NDArray[np.int64] = np.clip((first - 1) // _CHECKED, 0, count - 1)
+        return ends
+
+
+def make_path_repair(scenario: Scenario, robot: Robot, *, look_ahead: float) -> PathRepair | None:
+    """The repair for the agent of a scenario; None for robots that are no differential drive."""
+    if not isinstance(robot, DiffDrive):
+        return None
+    return PathRepair(scenario.as_mapped(), look_ahead=look_ahead)
