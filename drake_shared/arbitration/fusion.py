@@ -11,18 +11,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.arbitration.routes import POINTS, Routes
+from drake_shared.arbitration.rule import ArbiterInputs, State
 from drake_shared.common.elementwise import ARRAYS
 from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive
 
 Floats = NDArray[np.float64]
-State = dict[str, Any]
 
 # Points of a route that are searched for the one nearest to the robot.
 _WINDOW = 25
@@ -135,14 +134,9 @@ class Fusion:
             "turns": np.full((self._memory, self._count, count), math.nan),
         }
 
-    def step(self, state: State, pose: Floats, human: Floats) -> tuple[Floats, Floats, State]:
-        """w (n,) and shared command (2, n), in [rad/s], and the state of the next step.
-
-        Args:
-            state: Of the step before; it is left as it is.
-            pose: Shape (3, n), [x, y, yaw] in [m, m, rad].
-            human: Shape (2, n), command [left, right] of the drivers, in [rad/s].
-        """
+    def step(self, state: State, inputs: ArbiterInputs) -> tuple[Floats, Floats, State]:
+        """See `drake_shared.arbitration.rule.ArbitrationRule`; pose and the drivers' commands are used."""
+        pose, human = inputs.pose, inputs.human
         reached = self._advance(state["reached"], pose)
         commands = self._commands(reached, pose)
         turns = np.concatenate([state["turns"][1:], _turn(commands)[None]])

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, State as DrakeState, ValueProducer
+from pydrake.systems.framework import Context
 
-from drake_shared.arbitration.fusion import Fusion, FusionModel, State
+from drake_shared.arbitration.fusion import Fusion, FusionModel
 from drake_shared.arbitration.routes import routes_of
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
@@ -20,12 +18,10 @@ from drake_shared.learners.route_clustering import group_by_route
 from drake_shared.robots import DiffDrive, Robot
 from drake_shared.scenario import Scenario
 from drake_shared.scenario.route_planner import plan_routes
-from drake_shared.systems.arbiter import Arbiter
-
-T = TypeVar("T")
+from drake_shared.systems.rule_arbiter import RuleArbiter
 
 
-class PosteriorFusion(Arbiter):
+class PosteriorFusion(RuleArbiter):
     """Infers the driver's route and noise from the commands, and fuses them with the command of each route.
 
     .. pydrake_system::
@@ -73,55 +69,17 @@ class PosteriorFusion(Arbiter):
         self._model = model or FusionModel()
         # Planned once: it takes longer than all else that a new learner costs.
         self._planned = plan_routes(scenario)
-        self._pose_port = self.GetInputPort("pose")
-        fusion = self._fusion_for([])
-        initial = fusion.initial_state(1)
-        self._fusion_index = int(self.DeclareAbstractParameter(Value(_Shared(fusion))))
-        self._memory_index = int(self.DeclareAbstractState(Value(_Shared(initial))))
-        nothing = _Shared(_Step(weight=1.0, command=(), after=initial))
-        self._step_cache = self.DeclareCacheEntry(
-            "fusion_step",
-            ValueProducer(lambda: Value(nothing), self._calc_step),
-            {self.all_input_ports_ticket(), self.pa_ticket(), self.xa_ticket()},
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
-        self.DeclareForcedUnrestrictedUpdateEvent(self._update)
+        self.DeclareRule()
 
     @property
     def configuration(self) -> dict[str, Any]:
         """The model of a driver."""
         return dataclasses.asdict(self._model)
 
-    def SetLearner(self, context: Context, learner: Learner) -> None:
-        """Sets the learner whose demonstrated routes the driver of ``context`` may intend."""
-        fusion = self._fusion_for(demonstrated_paths(learner))
-        context.get_mutable_abstract_parameter(self._fusion_index).set_value(_Shared(fusion))
-        memory = context.get_mutable_abstract_state(self._memory_index)
-        memory.set_value(_Shared(fusion.initial_state(1)))
-
-    def GetRouteProbability(self, context: Context) -> NDArray[np.float64]:
-        """Probability (K + 1,) of each route after this step's command, and of none of them."""
-        fusion: Fusion = context.get_abstract_parameter(self._fusion_index).get_value().content
-        return fusion.route_probability(self._step(context).after)[:, 0]
-
-    def DoCalcWeight(self, context: Context) -> float:
-        """The mean human share over all hypotheses."""
-        return self._step(context).weight
-
-    def DoCalcCommand(
-        self, context: Context, weight: float, human: Sequence[float], autonomous: Sequence[float]
-    ) -> Sequence[float]:
-        """The fused command."""
-        if weight == 1.0:
-            return human
-        return self._step(context).command
-
-    def _step(self, context: Context) -> _Step:
-        step: _Step = self._step_cache.Eval(context).content
-        return step
-
-    def _fusion_for(self, paths: Sequence[NDArray[np.float64]]) -> Fusion:
+    def MakeRule(self, learner: Learner | None) -> Fusion:
+        """The fusion with the routes that were demonstrated to ``learner``."""
         assert isinstance(self.robot, DiffDrive)
+        paths = [] if learner is None else demonstrated_paths(learner)
         return Fusion(
             self._model,
             routes_of(self._scenario, paths, self._planned),
@@ -130,18 +88,11 @@ class PosteriorFusion(Arbiter):
             travel_time=self._scenario.travel_time,
         )
 
-    def _calc_step(self, context: Context, output: Value) -> None:
-        fusion: Fusion = context.get_abstract_parameter(self._fusion_index).get_value().content
-        before: State = context.get_abstract_state(self._memory_index).get_value().content
-        pose = self._pose_port.Eval(context)[:, None]
-        human = self._human_port.Eval(context)[:, None]
-        with np.errstate(invalid="ignore"):
-            weight, command, after = fusion.step(before, pose, human)
-        output.set_value(_Shared(_Step(weight.item(), command[:, 0].tolist(), after)))
-
-    def _update(self, context: Context, state: DrakeState) -> None:
-        after = _Shared(self._step(context).after)
-        state.get_mutable_abstract_state().get_mutable_value(self._memory_index).set_value(after)
+    def GetRouteProbability(self, context: Context) -> NDArray[np.float64]:
+        """Probability (K + 1,) of each route after this step's command, and of none of them."""
+        fusion = self.rule(context)
+        assert isinstance(fusion, Fusion)
+        return fusion.route_probability(self.state_after(context))[:, 0]
 
 
 def demonstrated_paths(learner: Learner) -> list[NDArray[np.float64]]:
@@ -152,19 +103,3 @@ def demonstrated_paths(learner: Learner) -> list[NDArray[np.float64]]:
     spread, extent = scale_of(positions)
     groups = group_by_route(positions, spread=spread, extent=extent)
     return [positions[group].mean(axis=0) for group in groups]
-
-
-class _Step(NamedTuple):
-    weight: float
-    command: Sequence[float]
-    after: State
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class _Shared(Generic[T]):
-    """Content that nobody writes to, so that all Contexts can share it: Drake copies values often."""
-
-    content: T
-
-    def __deepcopy__(self, memo: dict[int, object]) -> _Shared[T]:
-        return self

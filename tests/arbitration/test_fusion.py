@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 
 from drake_shared.arbitration.fusion import Fusion, FusionModel
 from drake_shared.arbitration.routes import routes_of
+from drake_shared.arbitration.rule import ArbiterInputs
 from drake_shared.common.errors import InputError
 from drake_shared.scenario import load_scenario
 
@@ -24,11 +25,19 @@ def fusion_with(model: FusionModel) -> Fusion:
     return Fusion(model, ROUTES, robot=SCENARIO.robot, period=PERIOD, travel_time=SCENARIO.travel_time)
 
 
+def inputs_of(pose: np.ndarray, human: np.ndarray) -> ArbiterInputs:
+    """Inputs of a rule that uses pose (3, n) and the human's command (2, n)."""
+    unused = np.full(pose.shape[1], np.nan)
+    return ArbiterInputs(
+        human=human, autonomous=np.full_like(human, np.nan), confidence=unused, pose=pose, clearance=unused
+    )
+
+
 def observe(fusion: Fusion, commands: np.ndarray, poses: np.ndarray):
     """The state after commands (t, 2) at poses (t, 3), and the differences (t, K + 1) of the turns."""
     state, differences = fusion.initial_state(1), []
     for command, pose in zip(commands, poses, strict=True):
-        _, _, state = fusion.step(state, pose[:, None], command[:, None])
+        _, _, state = fusion.step(state, inputs_of(pose[:, None], command[:, None]))
         differences.append(state["difference"][:, 0])
     return state, np.array(differences)
 
@@ -84,7 +93,7 @@ def test_a_driver_on_a_route_is_found_and_a_noisy_one_is_known_to_be_noisy():
             yaw = np.arctan2(*(route[index + 1] - route[index])[::-1])
             command = np.array(robot.command_toward((x, y, yaw), tuple(route[index + 12]), 0.6))
             command += rng.normal(0.0, noise, 2)
-            _, _, state = fusion.step(state, np.array([[x], [y], [yaw]]), command[:, None])
+            _, _, state = fusion.step(state, inputs_of(np.array([[x], [y], [yaw]]), command[:, None]))
         found[noise] = fusion.route_probability(state)[:, 0], fusion.noise(state).item()
     for probability, _ in found.values():
         assert probability.argmax() == 1
@@ -106,7 +115,7 @@ def test_the_command_is_a_convex_combination_of_the_human_and_the_routes(command
     for command in commands:
         before = {name: value.copy() for name, value in state.items()}
         human = np.array(command)[:, None]
-        weight, shared, after = fusion.step(state, pose, human)
+        weight, shared, after = fusion.step(state, inputs_of(pose, human))
         for name, value in before.items():
             np.testing.assert_array_equal(state[name], value)  # The state is an argument, not a buffer.
         state = after
@@ -140,7 +149,7 @@ def test_drivers_side_by_side_do_not_depend_on_each_other(drive):
     state = fusion.initial_state(2)
     for command, pose in zip(commands, poses, strict=True):
         both = np.stack([command, -command], axis=1)
-        _, _, state = fusion.step(state, np.repeat(pose[:, None], 2, axis=1), both)
+        _, _, state = fusion.step(state, inputs_of(np.repeat(pose[:, None], 2, axis=1), both))
     np.testing.assert_allclose(state["probability"][..., :1], alone["probability"], rtol=1e-9)
 
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drake_shared.arbitration.fusion import Fusion, FusionModel
+from drake_shared.arbitration.fusion import FusionModel
 from drake_shared.arbitration.routes import routes_of
 from drake_shared.common.errors import InputError
 from drake_shared.learners import load_learner
@@ -36,24 +36,6 @@ def test_a_noisy_driver_reaches_the_goal_and_is_given_less_of_the_control(trial)
     assert trial["human_weight"][100:].mean() < 0.6
 
 
-def test_the_system_applies_the_arithmetic_step_by_step(simulation, trial):
-    fusion = Fusion(
-        FusionModel(),
-        routes_of(SCENARIO, demonstrated_paths(simulation.learner)),
-        robot=SCENARIO.robot,
-        period=SCENARIO.control_period,
-        travel_time=SCENARIO.travel_time,
-    )
-    state = fusion.initial_state(1)
-    poses = np.stack([trial["x"], trial["y"], trial["yaw"]])
-    human = trial.commands("human").T
-    for step in range(len(trial["t"])):
-        with np.errstate(invalid="ignore"):
-            weight, command, state = fusion.step(state, poses[:, step : step + 1], human[:, step : step + 1])
-        np.testing.assert_allclose(trial["human_weight"][step], weight.item(), atol=1e-9)
-        np.testing.assert_allclose(trial.commands("shared")[step], command[:, 0], atol=1e-9)
-
-
 def test_the_model_is_kept_in_the_log(trial):
     assert trial.metadata["arbitration"]["configuration"] == dataclasses.asdict(FusionModel()) | {
         "noises": list(FusionModel().noises),
@@ -82,3 +64,10 @@ def test_a_goal_without_a_way_is_refused():
     with pytest.raises(InputError) as caught:
         PosteriorFusion(scenario=dataclasses.replace(SCENARIO, obstacles=[plug], routes=[]))
     assert caught.value.field == "obstacles"
+
+
+def test_a_model_whose_state_is_too_large_is_refused():
+    many = tuple(np.linspace(0.1, 2.0, 60))
+    with pytest.raises(InputError) as caught:
+        PosteriorFusion(scenario=SCENARIO, model=FusionModel(noises=many, noise_times=many))
+    assert caught.value.field == "rule"

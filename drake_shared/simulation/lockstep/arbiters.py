@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,45 +17,76 @@ from drake_shared.arbitration.authority import (
     limited_weight,
     next_times,
 )
-from drake_shared.arbitration.blend import blend, confidence_weight, finite_weight, traded_weight
+from drake_shared.arbitration.blend import (
+    blend,
+    confidence_weight,
+    finite_command,
+    finite_weight,
+    traded_weight,
+)
+from drake_shared.arbitration.rule import ArbiterInputs, ArbitrationRule, State
 from drake_shared.common.elementwise import ARRAYS
+from drake_shared.learners import Learner
 from drake_shared.robots import DiffDrive
 from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.constant_weight_blender import ConstantWeightBlender
+from drake_shared.systems.rule_arbiter import RuleArbiter
 from drake_shared.systems.traded_control import TradedControl
 
 Floats = NDArray[np.float64]
 _DRIVER_WEIGHTS = {"shared": math.nan, "human": 1.0, "agent": 0.0}
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Arbitration:
-    """Divides the control of many trials as a system of this package does that of one.
+def has_rule(arbiter: Arbiter) -> bool:
+    """Whether the arithmetic of ``arbiter`` is known for many trials."""
+    return isinstance(arbiter, RuleArbiter) or type(arbiter) in _RULES
 
-    Attributes:
-        initial: The state at the start, given the number of trials.
-        step: Maps state (k, n), human and autonomous command (2, n) in [rad/s], and confidence (n,) to w
-            (n,) and command (2, n) in shared control, and the state of the next step.
+
+class Arbitrations:
+    """The arbiters of many trials, whose rules may depend on the learner.
+
+    Args:
+        arbiter: Of all trials; `has_rule` must be true.
+        learners: Of each of n trials.
     """
 
-    initial: Callable[[int], Floats]
-    step: Callable[[Floats, Floats, Floats, Floats], tuple[Floats, Floats, Floats]]
+    def __init__(self, arbiter: Arbiter, learners: Sequence[Learner | None]) -> None:
+        self._which = np.zeros(len(learners), np.int64)
+        if isinstance(arbiter, RuleArbiter):
+            found = {id(learner): learner for learner in learners}
+            self._rules: list[ArbitrationRule] = [_Applied(arbiter.MakeRule(item)) for item in found.values()]
+            order = list(found)
+            self._which = np.array([order.index(id(learner)) for learner in learners])
+        else:
+            self._rules = [_RULES[type(arbiter)](arbiter)]
+        sizes = np.bincount(self._which, minlength=len(self._rules)).tolist()
+        self._states = [rule.initial_state(size) for rule, size in zip(self._rules, sizes, strict=True)]
+
+    def step(self, inputs: ArbiterInputs) -> tuple[Floats, Floats]:
+        """w (n,) and command (2, n), in [rad/s], of the next step of all trials in shared control."""
+        weight, command = np.empty(inputs.human.shape[1]), np.empty_like(inputs.human)
+        for index, rule in enumerate(self._rules):
+            rows = np.flatnonzero(self._which == index)
+            if len(rows):
+                own = inputs if len(self._rules) == 1 else _of(inputs, rows)
+                result = rule.step(self._states[index], own)
+                weight[rows], command[:, rows], self._states[index] = result
+        return weight, command
+
+    def keep(self, rows: NDArray[np.bool_]) -> None:
+        """Leaves out the trials that ``rows`` (n,) does not mark."""
+        states = enumerate(self._states)
+        self._states = [kept(state, rows[self._which == index]) for index, state in states]
+        self._which = self._which[rows]
 
 
-def make_arbitration(arbiter: Arbiter, robot: DiffDrive) -> Arbitration | None:
-    """The arithmetic of ``arbiter``; None if it is unknown."""
-    configuration = arbiter.configuration
-    if type(arbiter) is ConfidenceBlender:
-        limits = configuration["authority"]
-        if limits is not None:
-            return _with_authority(Authority(**limits), robot, arbiter.period)
-        return _plain(lambda confidence: confidence_weight(confidence, ARRAYS))
-    if type(arbiter) is ConstantWeightBlender:
-        return _plain(lambda confidence: np.full_like(confidence, configuration["weight"]))
-    if type(arbiter) is TradedControl:
-        return _traded(**configuration)
-    return None
+def kept(state: dict[str, Any], keep: NDArray[np.bool_]) -> dict[str, Any]:
+    """The state of the trials that ``keep`` marks."""
+    return {
+        name: kept(value, keep) if isinstance(value, dict) else np.ascontiguousarray(value[..., keep])
+        for name, value in state.items()
+    }
 
 
 def driver_weights(drivers: Sequence[str]) -> Floats:
@@ -80,36 +111,92 @@ def apply_driver(
     return np.where(alone, own, weight), np.where(alone, blend(own, human, autonomous, ARRAYS), command)
 
 
-def _plain(weigh: Callable[[Floats], Floats]) -> Arbitration:
-    def step(
-        state: Floats, human: Floats, autonomous: Floats, confidence: Floats
-    ) -> tuple[Floats, Floats, Floats]:
-        weight = finite_weight(weigh(confidence), autonomous, ARRAYS)
-        return weight, np.stack(blend(weight, human, autonomous, ARRAYS)), state
-
-    return Arbitration(initial=lambda count: np.zeros((0, count)), step=step)
+def _of(inputs: ArbiterInputs, rows: NDArray[np.int64]) -> ArbiterInputs:
+    """The inputs of some trials."""
+    parts = {field.name: getattr(inputs, field.name)[..., rows] for field in dataclasses.fields(inputs)}
+    return ArbiterInputs(**parts)
 
 
-def _traded(threshold: float, margin: float) -> Arbitration:
-    def step(
-        state: Floats, human: Floats, autonomous: Floats, confidence: Floats
-    ) -> tuple[Floats, Floats, Floats]:
-        weight = traded_weight(confidence, state[0], threshold, margin, ARRAYS)
-        weight = finite_weight(weight, autonomous, ARRAYS)
-        return weight, np.stack(blend(weight, human, autonomous, ARRAYS)), 1.0 - weight[None]
+@dataclasses.dataclass(frozen=True)
+class _Applied:
+    """A rule as `RuleArbiter` applies it."""
 
-    return Arbitration(initial=lambda count: np.zeros((1, count)), step=step)
+    rule: ArbitrationRule
+
+    def initial_state(self, count: int) -> State:
+        return self.rule.initial_state(count)
+
+    def step(self, state: State, inputs: ArbiterInputs) -> tuple[Floats, Floats, State]:
+        if inputs.human.shape[1] == 1:
+            # The order of a sum, and so its last bits, must not depend on the number of trials.
+            twice = np.zeros(2, np.int64)
+            pair = {name: value[..., twice] for name, value in state.items()}
+            weight, command, after = self.step(pair, _of(inputs, twice))
+            return weight[:1], command[:, :1], {name: value[..., :1] for name, value in after.items()}
+        human = np.stack(list(finite_command(inputs.human, ARRAYS)))
+        weight, command, after = self.rule.step(state, dataclasses.replace(inputs, human=human))
+        weight = finite_weight(weight, inputs.autonomous, ARRAYS)
+        return weight, np.where(weight == 1.0, human, command), after
 
 
-def _with_authority(authority: Authority, robot: DiffDrive, period: float) -> Arbitration:
+@dataclasses.dataclass(frozen=True)
+class _Formula:
+    """The rule of an arbiter that is no `RuleArbiter`; its state is one array (k, n)."""
+
+    initial: Callable[[int], Floats]
+    divide: Callable[[Floats, ArbiterInputs], tuple[Floats, Floats, Floats]]
+
+    def initial_state(self, count: int) -> State:
+        return {"values": self.initial(count)}
+
+    def step(self, state: State, inputs: ArbiterInputs) -> tuple[Floats, Floats, State]:
+        weight, command, after = self.divide(state["values"], inputs)
+        return weight, command, {"values": after}
+
+
+def _of_confidence(arbiter: Arbiter) -> ArbitrationRule:
+    limits = arbiter.configuration["authority"]
+    if limits is not None:
+        return _with_authority(Authority(**limits), arbiter)
+    return _plain(lambda confidence: confidence_weight(confidence, ARRAYS))
+
+
+def _constant(arbiter: Arbiter) -> ArbitrationRule:
+    weight = arbiter.configuration["weight"]
+    return _plain(lambda confidence: np.full_like(confidence, weight))
+
+
+def _plain(weigh: Callable[[Floats], Floats]) -> ArbitrationRule:
+    def divide(state: Floats, inputs: ArbiterInputs) -> tuple[Floats, Floats, Floats]:
+        weight = finite_weight(weigh(inputs.confidence), inputs.autonomous, ARRAYS)
+        return weight, np.stack(blend(weight, inputs.human, inputs.autonomous, ARRAYS)), state
+
+    return _Formula(lambda count: np.zeros((0, count)), divide)
+
+
+def _traded(arbiter: Arbiter) -> ArbitrationRule:
+    threshold, margin = (arbiter.configuration[name] for name in ("threshold", "margin"))
+
+    def divide(state: Floats, inputs: ArbiterInputs) -> tuple[Floats, Floats, Floats]:
+        weight = traded_weight(inputs.confidence, state[0], threshold, margin, ARRAYS)
+        weight = finite_weight(weight, inputs.autonomous, ARRAYS)
+        command = np.stack(blend(weight, inputs.human, inputs.autonomous, ARRAYS))
+        return weight, command, 1.0 - weight[None]
+
+    return _Formula(lambda count: np.zeros((1, count)), divide)
+
+
+def _with_authority(authority: Authority, arbiter: Arbiter) -> ArbitrationRule:
+    robot, period = arbiter.robot, arbiter.period
+    assert isinstance(robot, DiffDrive)
+
     def initial(count: int) -> Floats:
         # A simulated operator is at the controls from the start.
         state: Any = AuthorityState.initial(len(robot.command_names), idle_time=0.0)
         return np.repeat(np.array(state.to_list())[:, None], count, axis=1)
 
-    def step(
-        state: Floats, human: Floats, autonomous: Floats, confidence: Floats
-    ) -> tuple[Floats, Floats, Floats]:
+    def divide(state: Floats, inputs: ArbiterInputs) -> tuple[Floats, Floats, Floats]:
+        human, autonomous = inputs.human, inputs.autonomous
         before = AuthorityState.from_list(list(state))
         after = next_times(
             authority,
@@ -120,10 +207,19 @@ def _with_authority(authority: Authority, robot: DiffDrive, period: float) -> Ar
             period=period,
             xp=ARRAYS,
         )
-        weight = limited_weight(authority, after, confidence_weight(confidence, ARRAYS), period, ARRAYS)
+        weight = limited_weight(
+            authority, after, confidence_weight(inputs.confidence, ARRAYS), period, ARRAYS
+        )
         after.weight = finite_weight(weight, autonomous, ARRAYS)
         command = blend(after.weight, human, autonomous, ARRAYS)
         after.command = limited_command(authority, before.command, command, period, ARRAYS)
         return after.weight, np.stack(after.command), np.stack(after.to_list())
 
-    return Arbitration(initial=initial, step=step)
+    return _Formula(initial, divide)
+
+
+_RULES: Mapping[type[Arbiter], Callable[[Arbiter], ArbitrationRule]] = {
+    ConfidenceBlender: _of_confidence,
+    ConstantWeightBlender: _constant,
+    TradedControl: _traded,
+}

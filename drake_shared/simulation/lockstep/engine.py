@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.arbitration.path_repair import make_path_repair
+from drake_shared.arbitration.rule import ArbiterInputs
 from drake_shared.common.elementwise import ARRAYS
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
 from drake_shared.robots import DiffDrive
-from drake_shared.simulation.lockstep.arbiters import apply_driver, driver_weights, make_arbitration
+from drake_shared.simulation.lockstep.arbiters import Arbitrations, apply_driver, driver_weights, kept
 from drake_shared.simulation.lockstep.channel import Channels
 from drake_shared.simulation.lockstep.estimator import Estimators
 from drake_shared.simulation.lockstep.noise import Noise
@@ -119,9 +120,7 @@ class _Run:
         drivers = [
             simulation.driver_of(item, learner) for item, learner in zip(settings, learners, strict=True)
         ]
-        arbitration = make_arbitration(parts.driver_switch, robot)
-        assert arbitration is not None
-        self._arbitration = arbitration
+        self._arbitrations = Arbitrations(parts.driver_switch, learners)
         noise = Noise([item.seed for item in settings], scenario.steps)
         self._operators = Operators(scenario, settings, noise)
         self._channels = self._filters = None
@@ -167,7 +166,6 @@ class _Run:
             "contact": np.zeros(count),
             "progress": np.zeros(count, np.int64),
             "expected": np.full((2 * MOMENTS, count), math.nan),
-            "arbiter": arbitration.initial(count),
             "operator": self._operators.initial_state(settings),
             "channel": {} if self._channels is None else self._channels.initial_state(count),
         }
@@ -191,7 +189,8 @@ class _Run:
                 elif ends.any():
                     rows = state["row"][ends]
                     lengths[rows], reached[rows] = step + 1, True
-                    self._state = _kept(self._state, ~ends)
+                    self._state = kept(self._state, ~ends)
+                    self._arbitrations.keep(~ends)
                     if not len(self._state["row"]):
                         break
         return log, lengths, reached
@@ -205,10 +204,13 @@ class _Run:
             human = self._channels.receive(state["channel"], step, sent)
         estimates, target = self._estimate(step, pose, human)
         autonomous = np.stack(robot.command_toward(pose, target, self._look_ahead, ARRAYS))
-        weight, shared, arbiter = self._arbitration.step(state["arbiter"], human, autonomous, estimates[0])
-        weight, shared = apply_driver(state["fixed"], weight, shared, human, autonomous)
         clearance = self._plants.clearance(pose)
         confidence, variance, by_pose, by_command = estimates
+        inputs = ArbiterInputs(
+            human=human, autonomous=autonomous, confidence=confidence, pose=pose, clearance=clearance
+        )
+        weight, shared = self._arbitrations.step(inputs)
+        weight, shared = apply_driver(state["fixed"], weight, shared, human, autonomous)
         measures = [confidence, weight, variance, clearance, contact, by_pose, by_command]
         row = [pose, sent, autonomous, shared, wheels, np.stack(measures)]
         applied = shared
@@ -218,7 +220,6 @@ class _Run:
         if self._channels is not None:
             row.append(human)
         if not last:
-            state["arbiter"] = arbiter
             self._operators.update(state["operator"], step, pose, shared, weight)
             state["pose"], state["wheels"], state["contact"] = self._plants.update(
                 pose, wheels, applied, clearance
@@ -243,14 +244,6 @@ class _Run:
             target[:, rows] = found.target
             progress[rows], expected[:, rows] = found.reached, found.expected
         return measures, target
-
-
-def _kept(state: State, keep: NDArray[np.bool_]) -> State:
-    """The state of the trials that ``keep`` marks."""
-    return {
-        name: _kept(value, keep) if isinstance(value, dict) else np.ascontiguousarray(value[..., keep])
-        for name, value in state.items()
-    }
 
 
 def _require(reason: str | None) -> None:

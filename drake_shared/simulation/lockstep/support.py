@@ -6,7 +6,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
 from drake_shared.learners.rows import predicts_rows
 from drake_shared.robots import DiffDrive
-from drake_shared.simulation.lockstep.arbiters import make_arbitration
+from drake_shared.simulation.lockstep.arbiters import has_rule
 from drake_shared.simulation.lockstep.noise import is_drakes
 from drake_shared.simulation.trial import Simulation
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
@@ -55,10 +55,7 @@ def unsupported(simulation: Simulation, learner: Learner | None = None) -> str |
         return "moving obstacles"
     if type(parts.controller) is not WaypointController:
         return f"controller {type(parts.controller).__name__}"
-    if (
-        parts.driver_switch is not parts.arbiter
-        or make_arbitration(parts.driver_switch, scenario.diff_drive) is None
-    ):
+    if parts.driver_switch is not parts.arbiter or not has_rule(parts.driver_switch):
         return f"arbiter {parts.arbitration['name']}"
     if config.feedback:
         return "feedback of conflicts"

@@ -17,6 +17,7 @@ from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.named import OPERATORS, changes_of_route
 from drake_shared.scenario import Goal, load_scenario
 from drake_shared.simulation.config import SharedControlConfig, config_for
+from drake_shared.simulation.faults import Faults
 from drake_shared.simulation.lockstep.engine import Lockstep
 from drake_shared.simulation.lockstep.noise import is_drakes
 from drake_shared.simulation.trial import Simulation, TrialSettings
@@ -77,7 +78,7 @@ def test_every_named_operator(name):
 
 
 @pytest.mark.parametrize("end", ["reached", "duration"])
-@pytest.mark.parametrize("arbitration", ["blend", "halves", "traded:threshold=0.6,margin=0.1"])
+@pytest.mark.parametrize("arbitration", ["blend", "halves", "traded:threshold=0.6,margin=0.1", "fusion"])
 def test_every_arbiter_in_all_scenarios(arbitration, end):
     for name in ("two_obstacles", "three_obstacles", "doorway"):
         scenario = load_scenario(name)
@@ -153,6 +154,16 @@ def test_a_learner_of_its_own_for_each_trial():
     check_equal(Simulation(scenario, config=SharedControlConfig()), settings, learners)
 
 
+def test_an_arbiter_whose_rule_depends_on_the_learner():
+    scenario = load_scenario("two_obstacles")
+    cnmp = learner_of("two_obstacles")
+    config = SharedControlConfig(arbitration="fusion", faults=Faults(human_nan=0.2))
+    learners = [cnmp, dataclasses.replace(cnmp, demonstrations=cnmp.demonstrations[:1])]
+    settings = [operator_settings(scenario, "unskilled", seed=seed) for seed in range(2)]
+    trials = check_equal(Simulation(scenario, config=config), settings, learners)
+    assert any((trial["human_weight"] < 0.9).any() for trial in trials)
+
+
 def test_collisions():
     scenario = load_scenario("doorway")
     simulation = Simulation(scenario, config=SharedControlConfig(driver="human", end="duration"))
@@ -182,9 +193,11 @@ def test_another_robot_and_period():
     check_equal(simulation, [TrialSettings(seed=1, behaviour=Behaviour(delay=0.03, speed_factor=2.0))])
 
 
-def test_a_trial_does_not_depend_on_the_others():
+@pytest.mark.parametrize("arbitration", ["blend", "fusion"])
+def test_a_trial_does_not_depend_on_the_others(arbitration):
     scenario = load_scenario("two_obstacles")
-    engine = Lockstep(Simulation(scenario, learner=learner_of("two_obstacles")))
+    config = SharedControlConfig(arbitration=arbitration)
+    engine = Lockstep(Simulation(scenario, learner=learner_of("two_obstacles"), config=config))
     settings = [operator_settings(scenario, "unskilled", seed=seed) for seed in range(70)]
     together = list(engine.run(settings))
     for index in (0, 33, 69):
@@ -225,7 +238,7 @@ def test_the_safety_filter(name):
 @given(
     name=strategies.sampled_from(["two_obstacles", "three_obstacles", "doorway"]),
     operator=strategies.sampled_from(sorted(OPERATORS)),
-    arbitration=strategies.sampled_from(["blend", "halves", "traded", "human", "agent"]),
+    arbitration=strategies.sampled_from(["blend", "halves", "traded", "fusion", "human", "agent"]),
     authority=strategies.booleans(),
     clearance=strategies.sampled_from([None, 0.05]),
     gain=strategies.floats(20.0, 500.0),

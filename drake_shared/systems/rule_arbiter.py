@@ -1,0 +1,168 @@
+"""Arbiters whose arithmetic is a rule that also serves many trials at once."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context, DiscreteValues, ValueProducer
+
+from drake_shared.arbitration.blend import finite_command
+from drake_shared.arbitration.rule import ArbiterInputs, ArbitrationRule, State
+from drake_shared.common.errors import InputError
+from drake_shared.learners import Learner
+from drake_shared.robots import Robot
+from drake_shared.systems.arbiter import Arbiter
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
+
+T = TypeVar("T")
+
+STATE_SIZE = 4096
+"""Numbers that the state of a rule can have for one trial: a Context cannot grow."""
+
+
+class RuleArbiter(Arbiter):
+    """Applies an :class:`~drake_shared.arbitration.rule.ArbitrationRule`; a base class.
+
+    A subclass implements :meth:`MakeRule`, and calls :meth:`DeclareRule` once it can. The lock-step engine
+    runs the same rule for many trials.
+
+    .. pydrake_system::
+
+        name: RuleArbiter
+        input_ports:
+        - human_command
+        - autonomous_command
+        - confidence
+        output_ports:
+        - shared_command
+        - human_weight
+
+    Inputs, outputs and parameters are those of :class:`~drake_shared.systems.arbiter.Arbiter`.
+
+    State:
+        memory (STATE_SIZE): The arrays of the rule's state, one after the other. How many of the elements are
+        used depends on the learner.
+
+    Args:
+        robot, period, driver: See :class:`~drake_shared.systems.arbiter.Arbiter`.
+        optional_inputs: Of ``pose`` and ``clearance``, those that the rule uses.
+    """
+
+    def __init__(
+        self,
+        *,
+        robot: Robot | None = None,
+        period: float = 0.05,
+        driver: str = "shared",
+        optional_inputs: Sequence[str] = (),
+    ) -> None:
+        super().__init__(robot=robot, period=period, driver=driver, optional_inputs=optional_inputs)
+        self._further_ports = {name: self.GetInputPort(name) for name in optional_inputs}
+
+    def MakeRule(self, learner: Learner | None) -> ArbitrationRule:
+        """The rule of trials with ``learner``; None: there is no learner."""
+        raise NotImplementedError
+
+    def DeclareRule(self) -> None:
+        """Declares the rule, that of trials without a learner, its state and its updates."""
+        rule = self.MakeRule(None)
+        self._rule_index = int(self.DeclareAbstractParameter(Value(_Shared(rule))))
+        # Unrestricted updates of abstract state come before discrete updates, such as the plant's: those
+        # would act on a command of the next step.
+        self._memory_index = int(self.DeclareDiscreteState(self._packed(rule.initial_state(1))))
+        nothing = _Shared(_Step(weight=1.0, command=(), after={}))
+        self._step_cache = self.DeclareCacheEntry(
+            "rule_step",
+            ValueProducer(lambda: Value(nothing), self._calc_step),
+            {self.all_input_ports_ticket(), self.pa_ticket(), self.xd_ticket()},
+        )
+        DeclareDiscreteUpdate(self, period=self.period, update=self._update)
+
+    def SetLearner(self, context: Context, learner: Learner) -> None:
+        """Sets the rule of ``context`` to that of trials with ``learner``, at its start.
+
+        Raises:
+            InputError: The rule's state is too large.
+        """
+        rule = self.MakeRule(learner)
+        context.get_mutable_abstract_parameter(self._rule_index).set_value(_Shared(rule))
+        context.SetDiscreteState(self._memory_index, self._packed(rule.initial_state(1)))
+
+    def rule(self, context: Context) -> ArbitrationRule:
+        """The rule of ``context``."""
+        rule: ArbitrationRule = context.get_abstract_parameter(self._rule_index).get_value().content
+        return rule
+
+    def state_after(self, context: Context) -> State:
+        """The rule's state after this step's command, for one trial."""
+        return self._step(context).after
+
+    def DoCalcWeight(self, context: Context) -> float:
+        """w of the rule."""
+        return self._step(context).weight
+
+    def DoCalcCommand(
+        self, context: Context, weight: float, human: Sequence[float], autonomous: Sequence[float]
+    ) -> Sequence[float]:
+        """The command of the rule; the human's where w is 1."""
+        return list(finite_command(human)) if weight == 1.0 else self._step(context).command
+
+    def _step(self, context: Context) -> _Step:
+        step: _Step = self._step_cache.Eval(context).content
+        return step
+
+    def _calc_step(self, context: Context, output: Value) -> None:
+        further: dict[str, Any] = {name: port.Eval(context) for name, port in self._further_ports.items()}
+        inputs = ArbiterInputs(
+            human=np.array(finite_command(self._human_port.Eval(context).tolist()))[:, None],
+            autonomous=self._autonomous_port.Eval(context)[:, None],
+            confidence=self._confidence_port.Eval(context),
+            pose=further.get("pose", np.empty(0))[:, None],
+            clearance=further.get("clearance", np.full(1, np.inf)),
+        )
+        rule = self.rule(context)
+        before = _unpacked(context.get_discrete_state(self._memory_index).value(), rule.initial_state(1))
+        with np.errstate(invalid="ignore"):
+            weight, command, after = rule.step(before, inputs)
+        output.set_value(_Shared(_Step(weight.item(), command[:, 0].tolist(), after)))
+
+    def _update(self, context: Context, state: DiscreteValues) -> None:
+        state.set_value(self._memory_index, self._packed(self.state_after(context)))
+
+    def _packed(self, state: State) -> NDArray[np.float64]:
+        """The state of a rule as a vector of the size of this system's state."""
+        values = np.concatenate([value.ravel() for value in state.values()])
+        if len(values) > STATE_SIZE:
+            expected = f"must have a state of at most {STATE_SIZE} numbers"
+            raise InputError(type(self).__name__, "rule", expected, len(values))
+        return np.concatenate([values, np.zeros(STATE_SIZE - len(values))])
+
+
+def _unpacked(values: NDArray[np.float64], like: State) -> State:
+    """The state of a rule, with the shapes and types of ``like``."""
+    state, begin = {}, 0
+    for name, value in like.items():
+        own = values[begin : begin + value.size].reshape(value.shape)
+        state[name], begin = own.astype(value.dtype), begin + value.size
+    return state
+
+
+class _Step(NamedTuple):
+    weight: float
+    command: Sequence[float]
+    after: State
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Shared(Generic[T]):
+    """Content that nobody writes to, so that all Contexts can share it: Drake copies values often."""
+
+    content: T
+
+    def __deepcopy__(self, memo: dict[int, object]) -> _Shared[T]:
+        return self
