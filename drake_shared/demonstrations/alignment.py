@@ -64,7 +64,7 @@ def motion_time(demonstration: Demonstration) -> float:
 
 
 def _find_stops(item: Demonstration) -> list[tuple[float, float]]:
-    """Begin and end of every time in which the robot hardly moves, in [s]."""
+    """Begin and end of every time in which the robot hardly moves, in [s]; they do not overlap."""
     times, positions = item.times, item.positions
     before = np.maximum(times - 0.5 * _WINDOW, times[0])
     after = np.minimum(times + 0.5 * _WINDOW, times[-1])
@@ -75,7 +75,7 @@ def _find_stops(item: Demonstration) -> list[tuple[float, float]]:
     usual = float(np.median(speed[speed > _STILL * speed.max()]))
     still = np.concatenate([[False], speed < _STILL * usual, [False]])
     edges = np.flatnonzero(np.diff(still))
-    stops = []
+    stops: list[tuple[float, float]] = []
     for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         # The mean speed is higher within half a window of the motion.
         near = np.sqrt(np.square(positions - positions[first:end].mean(axis=0)).sum(axis=1))
@@ -85,7 +85,11 @@ def _find_stops(item: Demonstration) -> list[tuple[float, float]]:
             low -= 1
         while high < len(times) - 1 and near_by[high + 1]:
             high += 1
-        stops.append((float(times[low]), float(times[high])))
+        if stops and times[low] <= stops[-1][1]:
+            # The robot stayed where it was in between.
+            stops[-1] = (min(stops[-1][0], float(times[low])), max(stops[-1][1], float(times[high])))
+        else:
+            stops.append((float(times[low]), float(times[high])))
     return stops
 
 

@@ -1,5 +1,7 @@
 """Aligning demonstrations recovers known changes of their timing."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,15 @@ def test_a_pause_anywhere_is_counted_out(pause, noise):
     np.testing.assert_allclose(at(waited, times), at(drive(1.0), times), atol=0.15)
     np.testing.assert_array_equal(other.times, drive(-1.0).times)
     assert len(waited.yaws) == len(waited)
+
+
+def test_a_twitch_within_a_pause_does_not_count_it_twice():
+    waited = drive(1.0, pause=(2.5, 2.0))
+    twitch = 0.05 * (np.abs(waited.times - 3.5) < 0.06)
+    waited = dataclasses.replace(waited, positions=waited.positions + twitch[:, None])
+    (aligned,) = align(Demonstrations(items=(waited,)))
+    assert aligned.provenance["pauses"] == pytest.approx(2.0, abs=0.2)
+    assert motion_time(waited) == pytest.approx(motion_time(drive(1.0)), abs=0.2)
 
 
 @pytest.mark.parametrize("pace", [0.3, 0.6, 2.0])
