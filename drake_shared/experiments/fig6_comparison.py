@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -157,13 +158,22 @@ def _means(trials: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     }
 
 
-def compare(means: Means) -> list[Comparison]:
+def compare(means: Means, missing: Iterable[Mapping[str, Any]] = ()) -> list[Comparison]:
     """Compares Setup 1 with Setup 2, and with the control where there is one.
+
+    A repeat is missing where a setup could not be driven, so that leaving it out favours that setup. So a
+    verdict also has to follow if all missing repeats had the least possible difference, and if they had the
+    largest (of measures without bounds: the least and the largest that were seen). Otherwise it is open.
 
     Each preset has families of comparisons, each adjusted by Holm's method: the two measures of the paper in
     the primary arm over all operators; the same in the other arms; the other measures, likewise; and the
     control.
+
+    Args:
+        means: Of the repeats.
+        missing: A row with preset and operator for each missing repeat.
     """
+    lost = Counter((row["preset"], row["operator"]) for row in missing)
     families: dict[tuple[str, bool, bool, str], list[tuple[Cell, str, str, NDArray[np.float64]]]] = {}
     for cell, repeats in means.items():
         for against in SETUPS[1:]:
@@ -174,11 +184,13 @@ def compare(means: Means) -> list[Comparison]:
                 if pairs:
                     family = (cell.preset, cell.arm == PRIMARY_ARM, criterion.paper, against)
                     families.setdefault(family, []).append((cell, name, against, differences))
-    return [compared for family, members in families.items() for compared in _judged(family, members)]
+    return [compared for family, members in families.items() for compared in _judged(family, members, lost)]
 
 
 def _judged(
-    family: tuple[str, bool, bool, str], members: Sequence[tuple[Cell, str, str, NDArray[np.float64]]]
+    family: tuple[str, bool, bool, str],
+    members: Sequence[tuple[Cell, str, str, NDArray[np.float64]]],
+    lost: Mapping[tuple[str, str], int],
 ) -> list[Comparison]:
     preset, primary, paper, against = family
     name = ", ".join(
@@ -190,6 +202,23 @@ def _judged(
         )
     )
     claims = judge(name, [_question(*member) for member in members])
+    counts = [lost.get((cell.preset, cell.operator), 0) for cell, *_ in members]
+    for extreme in (0, 1) if any(counts) else ():
+        imputed = judge(
+            name,
+            [
+                _question(*member, missing=count, extreme=extreme)
+                for member, count in zip(members, counts, strict=True)
+            ],
+        )
+        claims = [
+            claim
+            if claim.verdict == other.verdict
+            else dataclasses.replace(
+                claim, verdict="open", note=f"{count} missing repeats could change the verdict"
+            )
+            for claim, other, count in zip(claims, imputed, counts, strict=True)
+        ]
     return [
         Comparison(
             cell=cell,
@@ -203,8 +232,21 @@ def _judged(
     ]
 
 
-def _question(cell: Cell, measure: str, against: str, differences: NDArray[np.float64]) -> Question:
+def _question(
+    cell: Cell,
+    measure: str,
+    against: str,
+    differences: NDArray[np.float64],
+    *,
+    missing: int = 0,
+    extreme: int = 0,
+) -> Question:
+    """The question of a comparison, with the least (0) or the largest (1) difference for missing repeats."""
     criterion = CRITERIA[measure]
+    if missing and np.isfinite(differences).any():
+        seen = float(np.nanmin(differences)), float(np.nanmax(differences))
+        limits = criterion.bounds if np.isfinite(criterion.bounds).all() else seen
+        differences = np.append(differences, np.full(missing, limits[extreme]))
     setup = "Setup 2" if against == "human" else "the control"
     text = f"{measure.replace('_', ' ').capitalize()} is {criterion.better} with Setup 1 than with {setup}"
     text += f" (preset {cell.preset}{'' if criterion.paper else '; not reported in the paper'})"

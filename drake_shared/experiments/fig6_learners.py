@@ -240,7 +240,7 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
     missing = [row for row in found if "failed" in row]
     rows = [row for row in found if "failed" not in row]
     means = repeat_means(rows)
-    comparisons = compare(means)
+    comparisons = compare(means, missing)
     with_setup_2 = [one for one in comparisons if one.against == "human"]
     primary = [one for one in with_setup_2 if one.cell.is_primary]
     pictures = [bars(rows), spread(primary)] if rows else []

@@ -228,6 +228,23 @@ def test_verdicts_follow_from_the_rows(shift, verdict):
     assert [claim.verdict for claim in claims_of(section, "Mean human weight")] == ["open"] * 2
 
 
+@pytest.mark.parametrize(
+    ("measure", "lost", "verdict"),
+    [("mean_human_weight", 0, "holds"), ("mean_human_weight", 12, "open"), ("disagreement", 1, "holds")],
+)
+def test_a_verdict_stands_only_if_missing_repeats_cannot_change_it(measure, lost, verdict):
+    # Where w is lower by 0.2 with Setup 1, missing repeats may be those in which it is higher by 1.
+    rows = made_up(dataclasses.replace(QUICK, repeats=40, paper=None), disagreement=40.0)
+    rng = np.random.default_rng(1)
+    for one in rows:
+        one["mean_human_weight"] = 0.5 + 0.2 * (one["setup"] == "human") + rng.normal(0.0, 0.02)
+    missing = [{"preset": "paper", "operator": "primary"}] * lost
+    found = {(one.cell.preset, one.measure): one for one in compare(repeat_means(rows), missing)}
+    assert found["paper", measure].verdict == verdict
+    assert found["default", measure].verdict == "holds"
+    assert found["paper", "mean_human_weight"].estimate.mean == pytest.approx(0.2, abs=0.02)
+
+
 def test_a_full_report_contains_all_operators_arms_and_the_control():
     size = dataclasses.replace(FULL, repeats=6, other_repeats=4, paper=None)
     section = second_learners.report(None, size, [made_up(size, disagreement=30.0)])
