@@ -42,7 +42,7 @@ from drake_shared.simulation.runner import Task
 
 WIDTHS = ("even", "1 m", "2", "1", "0.5", "0.25")
 """Of the density over the scores: in standard deviations of the scores, or the unit of the scores."""
-QUICK_WIDTHS = ("even", "2", "0.25")
+QUICK_WIDTHS = ("2", "0.25")
 SEED, _TRIAL_SEED = 910_000, 915_000
 """Of the demonstrations, and of the trials."""
 _GROUP, _TRIALS = 10, 6

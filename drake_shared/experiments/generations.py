@@ -62,7 +62,7 @@ from drake_shared.simulation.trial import Trial
 
 OPERATOR = "unskilled"
 """The primary operator almost never fails, so no effect on its intent success would be visible."""
-GENERATIONS, QUICK_GENERATIONS = 5, 2
+GENERATIONS, QUICK_GENERATIONS = 5, 1
 ARMS = {"shared": COLOURS["shared"], "human": COLOURS["human"], "frozen": "0.35"}
 """Name to colour. The frozen learner receives no new data."""
 FED = ("shared", "human")
@@ -100,7 +100,7 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
             _seconds(scenario, preset, len(repeats), generations, size.trials),
         )
         for preset in PRESETS
-        for repeats in groups(max(2, size.learners // 2), _GROUP)
+        for repeats in groups(size.fewer(preset), _GROUP)
     ]
 
 

@@ -45,6 +45,10 @@ class Size:
         """The size with a preset."""
         return self.paper or self if preset == "paper" else self
 
+    def fewer(self, preset: str) -> int:
+        """The number of learners of experiments that train several from the data of each."""
+        return min(max(2, self.learners // 2), self.of(preset).learners)
+
 
 FULL = Size(
     name="full",
@@ -57,12 +61,12 @@ FULL = Size(
 )
 QUICK = Size(
     name="quick",
-    repeats=10,
+    repeats=6,
     other_repeats=0,
     all_arms=False,
     learners=2,
     trials=3,
-    paper=Size(name="quick", repeats=2, other_repeats=0, all_arms=False, learners=2, trials=3),
+    paper=Size(name="quick", repeats=1, other_repeats=0, all_arms=False, learners=1, trials=3),
 )
 
 

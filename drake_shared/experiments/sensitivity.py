@@ -82,16 +82,12 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
             + len(learners) * seconds,
         )
         for preset in PRESETS
-        for learners in groups(_learners(size), _GROUP)
+        for learners in groups(size.fewer(preset), _GROUP)
     ]
 
 
 def _counts(size: Size) -> tuple[int, ...]:
     return COUNTS if size.all_arms else (COUNTS[0], COUNTS[-1])
-
-
-def _learners(size: Size) -> int:
-    return max(2, size.learners // 2)
 
 
 def run_variants(
@@ -157,7 +153,7 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
         title="Sensitivity to K and to the number of demonstrations",
         text=paragraphs(
             "sensitivity",
-            learners=_learners(size),
+            learners={preset: size.fewer(preset) for preset in PRESETS},
             trials=min(size.trials, _TRIALS),
             operators=OPERATORS,
             factors=FACTORS,
