@@ -44,7 +44,7 @@ from drake_shared.systems.route_ribbons import route_ribbons
 _PAGE = Path(__file__).parents[1] / "cockpit" / "page"
 _MODULES = (
     *("scene_theme", "scene_task", "scene_ink", "scene_floor", "scene_routes", "scene_trail", "scene_robot"),
-    *("scene_labels", "scene_views", "readback_canvas", "render_throttle", "scene"),
+    *("scene_labels", "scene_views", "readback_canvas", "scene_layers", "render_throttle", "scene"),
     *("outcomes", "replay_chart", "replay"),
 )
 _STYLES = ("scene.css", "replay.css")

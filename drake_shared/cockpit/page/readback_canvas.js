@@ -30,16 +30,20 @@ export class ReadbackCanvas {
   }
 
   // Replaces the WebGL canvas by the 2-D canvas.
-  show() {
+  replace() {
     const canvas = this.#viewer.renderer.domElement;
     canvas.after(this.#shown);
     canvas.style.display = "none";
   }
 
+  get canvas() {
+    return this.#shown;
+  }
+
   // Starts to render a frame and to copy it to a buffer.
-  draw() {
+  draw(render) {
     const gl = this.#gl;
-    this.#viewer.render();
+    render();
     const [width, height] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
     if (width !== this.#size[0] || height !== this.#size[1]) this.#resize(width, height);
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, this.#buffer);
@@ -49,23 +53,46 @@ export class ReadbackCanvas {
     gl.flush();
   }
 
-  // Shows the frame if it is complete. Returns whether it was.
-  showIfComplete() {
+  // Fetches the frame if it is complete. Returns whether it was.
+  fetch() {
     const gl = this.#gl;
     if (gl.getSyncParameter(this.#fence, gl.SYNC_STATUS) !== gl.SIGNALED) return false;
     gl.deleteSync(this.#fence);
     this.#fence = null;
-    const [width, height] = this.#size;
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, this.#buffer);
     gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, this.#pixels);
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+    return true;
+  }
+
+  // Shows the frame that was fetched.
+  show() {
+    const [width, height] = this.#size;
     // A change of size clears the canvas, so it is made only when there is a frame to show.
     if (this.#shown.width !== width) this.#shown.width = width;
     if (this.#shown.height !== height) this.#shown.height = height;
     // WebGL's first row is the bottom one; the style sheet flips the canvas.
     const picture = new ImageData(new Uint8ClampedArray(this.#pixels.buffer), width, height);
     this.#shown.getContext("2d").putImageData(picture, 0, 0);
-    return true;
+  }
+
+  // The square in the middle of the frame that was fetched, as a canvas whose first row is the bottom one.
+  square(side) {
+    const canvas = document.createElement("canvas");
+    canvas.width = canvas.height = side;
+    const picture = new ImageData(side, side);
+    const [left, bottom] = this.#size.map((length) => Math.floor((length - side) / 2));
+    for (let row = 0; row < side; row++) {
+      const from = 4 * ((bottom + row) * this.#size[0] + left);
+      picture.data.set(this.#pixels.subarray(from, from + 4 * side), 4 * row * side);
+    }
+    // WebGL multiplies colours by their opacity.
+    for (let i = 0; i < picture.data.length; i += 4) {
+      const opacity = picture.data[i + 3] / 255;
+      for (let k = i; opacity && k < i + 3; k++) picture.data[k] /= opacity;
+    }
+    canvas.getContext("2d").putImageData(picture, 0, 0);
+    return canvas;
   }
 
   #resize(width, height) {

@@ -1,7 +1,8 @@
-// Keeps slow rendering from delaying the mouse: where it is slow, renders asynchronously, and pauses after each
-// frame. The resolution stays that of the screen.
+// Keeps slow rendering from delaying the mouse: where it is slow, renders asynchronously, in layers if that is
+// possible, and pauses after each frame. The resolution stays that of the screen.
 
 import { ReadbackCanvas } from "./readback_canvas.js";
+import { Layers } from "./scene_layers.js";
 
 const SLOW_INTERVAL = 40; // ms between frames above which a frame counts as slow
 const SLOW_FRAMES = 5; // Number of slow frames in a row after which rendering becomes asynchronous.
@@ -12,15 +13,18 @@ const DRIVING_INTERVAL = 80; // ms between frames while someone drives
 export class RenderThrottle {
   #viewer;
   #readback;
+  #layers;
+  #inLayers = false; // Whether the frame under way is one of layers.
   #isAsync = false;
   #renderedAt = null;
   #pausedUntil = 0;
   #slowInRow = 0;
   #driving = false;
 
-  constructor(viewer) {
+  constructor(viewer, scene) {
     this.#viewer = viewer;
     this.#readback = new ReadbackCanvas(viewer);
+    this.#layers = new Layers(viewer, this.#readback, scene);
     if (rendersInSoftware(viewer.renderer)) this.#goAsync();
     // Meshcat's page calls this for every frame of the screen.
     viewer.animate = () => {
@@ -32,6 +36,17 @@ export class RenderThrottle {
 
   setDriving(driving) {
     this.#driving = driving;
+  }
+
+  // Asks for a frame because something has moved.
+  touch() {
+    if (!this.#isAsync || !this.#layers.touch()) this.#viewer.set_dirty();
+  }
+
+  // Asks for a frame because everything looks different.
+  refresh() {
+    this.#layers.forgetRobot();
+    this.#viewer.set_dirty();
   }
 
   #animateSync(now) {
@@ -48,19 +63,28 @@ export class RenderThrottle {
 
   #animateAsync(now) {
     if (this.#readback.busy) {
-      if (!this.#readback.showIfComplete()) return;
+      if (!this.#readback.fetch()) return;
+      if (this.#inLayers) this.#layers.take();
+      else this.#readback.show();
       const cost = now - this.#renderedAt;
       this.#pausedUntil = this.#driving ? this.#renderedAt + DRIVING_INTERVAL : now + IDLE_SHARE * cost;
     } else if (this.#viewer.needs_render && now >= this.#pausedUntil) {
-      this.#readback.draw();
+      this.#viewer.needs_render = false;
+      this.#inLayers = this.#layers.active;
+      if (this.#inLayers) this.#layers.draw();
+      else {
+        this.#layers.hide();
+        this.#readback.draw(() => this.#viewer.render());
+      }
       this.#renderedAt = now;
     }
+    if (this.#inLayers) this.#layers.paint();
   }
 
   #goAsync() {
     if (!this.#readback.supported) return;
     this.#isAsync = true;
-    this.#readback.show();
+    this.#readback.replace();
     this.#viewer.set_dirty();
   }
 }

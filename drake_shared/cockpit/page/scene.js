@@ -42,6 +42,7 @@ export class Scene {
   #views;
   #labels;
   #task = null;
+  #pose = null; // of the robot, if it is known: [x, y, yaw]
   #throttle;
 
   constructor(viewer, pane) {
@@ -64,10 +65,18 @@ export class Scene {
       render();
       this.#showLabels();
     };
-    this.#throttle = new RenderThrottle(viewer);
+    this.#throttle = new RenderThrottle(viewer, {
+      group: this.#group,
+      floor: this.#floor.group,
+      inks: [this.#robot, this.#routes, this.#trail].flatMap((part) => part.inks),
+      onPaint: () => this.#showLabels(),
+      task: () => this.#task,
+      pose: () => this.#pose,
+      view: () => this.#views.name,
+    });
     this.#theme.onChange(() => {
       viewer.scene.background = this.#theme.colors.ground;
-      viewer.set_dirty();
+      this.#throttle.refresh();
     });
   }
 
@@ -79,26 +88,28 @@ export class Scene {
   setTask(message) {
     this.#task = localTask(message);
     for (const part of [this.#floor, this.#robot, this.#routes, this.#trail, this.#views]) part.setTask(this.#task);
-    this.#viewer.set_dirty();
+    this.#pose = null;
+    this.#throttle.refresh();
   }
 
   setRoutes({ routes }) {
     if (!this.#task) return;
     this.#routes.show(routes);
-    this.#viewer.set_dirty();
+    this.#throttle.touch();
   }
 
   setTrail({ rows }) {
     if (!this.#task) return;
     this.#trail.set(rows);
-    this.#viewer.set_dirty();
+    this.#throttle.touch();
   }
 
   setNow(now) {
     if (!this.#task) return;
     this.#robot.show(now);
-    this.#views.setPose(now.pose?.every((value) => value !== null) ? now.pose : null);
-    this.#viewer.set_dirty();
+    this.#pose = now.pose?.every((value) => value !== null) ? now.pose : null;
+    this.#views.setPose(this.#pose);
+    this.#throttle.touch();
   }
 
   addToTrail(now) {
@@ -110,7 +121,7 @@ export class Scene {
   // A path to compare with: [[x, y], ...].
   setGhost(points) {
     this.#trail.setGhost(points);
-    this.#viewer.set_dirty();
+    this.#throttle.touch();
   }
 
   #setUpLight() {

@@ -15,7 +15,7 @@ const SHADER = {
 };
 
 export class Floor {
-  #group = new THREE.Group();
+  group = new THREE.Group();
   #theme;
   #task = null;
   #mesh = null;
@@ -27,7 +27,7 @@ export class Floor {
     this.#theme = theme;
     this.#renderer = renderer;
     this.#software = software;
-    parent.add(this.#group);
+    parent.add(this.group);
     theme.onChange(() => this.#draw());
   }
 
@@ -62,7 +62,7 @@ export class Floor {
     } else texture.anisotropy = 8;
     const material = new THREE.ShaderMaterial({ ...SHADER, uniforms: { map: { value: texture } } });
     this.#mesh = new THREE.Mesh(new THREE.PlaneGeometry(fullWidth, fullDepth), material);
-    this.#group.add(this.#mesh);
+    this.group.add(this.#mesh);
   }
 
   #pixels() {

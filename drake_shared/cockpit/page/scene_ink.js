@@ -12,7 +12,8 @@ export class Ink {
   #points = 0;
   #quads = 0;
 
-  // capacity: largest number of points of all strips together; order: inks with a higher one lie above.
+  // capacity: largest number of points of all strips together; order: inks with a higher one lie above;
+  // depthTest: whether what stands on the floor hides it.
   constructor(parent, { capacity, order, depthTest = true }) {
     const geometry = new THREE.BufferGeometry();
     this.#capacity = capacity;
@@ -34,6 +35,14 @@ export class Ink {
     this.#mesh.frustumCulled = false; // Its bounds change with every update.
     this.#mesh.renderOrder = order;
     parent.add(this.#mesh);
+  }
+
+  get mesh() {
+    return this.#mesh;
+  }
+
+  get isOnTop() {
+    return !this.#mesh.material.depthTest;
   }
 
   clear() {
@@ -73,6 +82,32 @@ export class Ink {
     this.#mesh.geometry.setDrawRange(0, 6 * this.#quads);
   }
 
+  // Draws all strips on a 2-D canvas whose coordinates are those of the floor.
+  paint(context) {
+    const [position, color, index] = [this.#position.array, this.#color.array, this.#index.array];
+    const look = (vertex) => color.subarray(4 * vertex, 4 * vertex + 4);
+    let from = 0;
+    while (from < this.#quads) {
+      // Neighbours of one look are one shape: between two, the edges would show.
+      const first = index[6 * from];
+      let to = from + 1;
+      while (to < this.#quads && index[6 * to] === first + 2 * (to - from) && alike(look(first), look(index[6 * to]))) to++;
+      const opaque = color[4 * first + 3] > 0.7;
+      const joined = from > 0 && index[6 * (from - 1)] === first - 2;
+      const begin = opaque && joined ? first - 2 : first; // An overlap hides the edge.
+      const last = index[6 * (to - 1)] + 2;
+      context.beginPath();
+      for (let v = begin; v <= last; v += 2) context.lineTo(position[3 * v], position[3 * v + 1]);
+      for (let v = last + 1; v > begin; v -= 2) context.lineTo(position[3 * v], position[3 * v + 1]);
+      const [r, g, b, alpha] = look(first);
+      context.globalAlpha = alpha;
+      context.fillStyle = MIXED.setRGB(r, g, b).getStyle();
+      context.fill();
+      from = to;
+    }
+    context.globalAlpha = 1;
+  }
+
   #put([x, y], [nx, ny], width, z, { r, g, b }, alpha, joined) {
     const at = this.#points++;
     const side = [width * nx, width * ny];
@@ -84,6 +119,8 @@ export class Ink {
   }
 }
 
+const MIXED = new THREE.Color();
+const alike = (a, b) => a.every((value, i) => Math.abs(value - b[i]) < 0.03);
 const functionOf = (value) => (typeof value === "function" ? value : () => value);
 
 // The point of a polyline at an index with a fraction, and the direction there, of length 1.

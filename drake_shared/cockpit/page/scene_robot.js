@@ -22,6 +22,10 @@ export class RobotMarks {
     theme.onChange(() => this.#draw());
   }
 
+  get inks() {
+    return [this.#ground, this.#arcs];
+  }
+
   setTask(task) {
     this.#task = task;
     this.#now = null;

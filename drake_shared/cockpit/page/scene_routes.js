@@ -22,6 +22,10 @@ export class Routes {
     theme.onChange(() => this.#draw());
   }
 
+  get inks() {
+    return [this.#ink];
+  }
+
   setTask(task) {
     this.#task = task;
     this.show([]);

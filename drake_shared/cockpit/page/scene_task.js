@@ -24,6 +24,7 @@ export function localTask(message) {
       return { ...goal, x, y };
     }),
     // Those that stand still; Meshcat moves the others.
+    isStill: !message.obstacles.some((item) => item.path?.length),
     obstacles: message.obstacles
       .filter((item) => !item.path?.length)
       .map((item) => {

@@ -22,6 +22,10 @@ export class Trail {
     theme.onChange(() => this.#draw());
   }
 
+  get inks() {
+    return [this.#ink, this.#marks];
+  }
+
   setTask(task) {
     this.#task = task;
     this.set([]);
