@@ -1,5 +1,5 @@
 // The view from above on computers without a graphics card: Meshcat draws what stands still, and once the robot;
-// a 2-D canvas above that picture draws what moves, at a fraction of the cost of a frame in WebGL.
+// a 2-D canvas above that picture draws what moves, which takes less time than a whole frame.
 
 const { THREE } = window.MeshCat;
 
