@@ -4,8 +4,7 @@ The fit is by maximum likelihood, see `drake_shared.analysis.operator_likelihood
 these drives, with its goodness of fit, and does not predict that person's behaviour elsewhere.
 
 Ten trials determine the delay to about 10 ms. Skill is less certain, since errors to correct arise only from
-noise or the agent; its confidence interval shows how much. The interval of yielding leaves out the
-uncertainty of the speed factor, with which it varies, and so covers less than 95%.
+noise or the agent; its confidence interval shows how much.
 """
 
 from __future__ import annotations
@@ -35,16 +34,20 @@ FITTED = ("skill", "delay", "noise", "noise_time", "yielding")
 # Steps of the coarse and the fine search for the delay, in [s].
 _COARSE, _FINE = 0.1, 0.01
 _YIELDING = np.linspace(0.0, 0.96, 25)
-_SPEED_FACTORS = (0.5, 2.0)
+_SPEED_STEP = 0.1
+_SPEED_FACTORS = np.arange(0.5, 2.01, _SPEED_STEP)
 # Yielding is undefined if the human weight never falls below 1 by more than this.
 _LEAST_ASSISTANCE = 0.02
 _LEAST_MOTION = 0.5
 # Spacing of path points, in [m], with which the likelihood is smooth. A simulated operator steers by the
 # coarser points of `Scenario.path_of`. Its steps from point to point would look like white noise, and make
-# the noise seem shorter than it is: the last search uses them as well, in steps of the delay so small that
-# few steps of the operator fall on other points.
+# the noise seem shorter than it is: the last searches use them as well, in the end in steps of the delay so
+# small that few steps of the operator fall on other points.
 _SPACING = 0.0005
-_FINEST, _NEAR = 0.0005, 0.006
+_NEAR = ((0.02, 0.0025), (0.004, 0.0005))
+"""How far from the best delay, and in which steps, the last searches go, in [s]."""
+# Speed factors around the best, with which yielding varies in the jackknife.
+_SPEEDS_NEAR = np.linspace(-0.03, 0.03, 25)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -118,13 +121,15 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
     def cost_of(speed_factor: float) -> float:
         return search(np.array([best.delay]), yielding, speed_factor)[1].cost
 
-    # The speed factor and the delay hardly depend on each other.
+    # The speed factor and the delay hardly depend on each other. The likelihood may have several maxima over
+    # the speed factor, since long-lasting noise explains a wrong one.
     speed_factor = 1.0
     for _ in range(2):
         _, best = search(np.arange(_COARSE, LONGEST_DELAY + 1e-9, _COARSE), yielding, speed_factor)
         for drive in drives:
             drive.select_informative(best.yielding)
-        found = optimize.minimize_scalar(cost_of, bounds=_SPEED_FACTORS, options={"xatol": 1e-4})
+        near_by = min(_SPEED_FACTORS, key=cost_of) + np.array([-_SPEED_STEP, _SPEED_STEP])
+        found = optimize.minimize_scalar(cost_of, bounds=near_by, options={"xatol": 1e-4})
         speed_factor = float(found.x)
     low, high = max(best.delay - _COARSE, 0.0), min(best.delay + _COARSE, LONGEST_DELAY)
     _, best = search(np.linspace(low, high, round((high - low) / _FINE) + 1), yielding, speed_factor)
@@ -132,12 +137,15 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
     drives = likelihoods(scenario.path_of)
     for drive in drives:
         drive.select_informative(best.yielding)
-    delays = best.delay + np.arange(-_NEAR, _NEAR + 1e-9, _FINEST)
-    delays = delays[(delays >= 0.0) & (delays <= LONGEST_DELAY)]
     if assisted:
         around = best.yielding + np.linspace(-_YIELDING[1], _YIELDING[1], 33)
         yielding = around[(around >= 0.0) & (around < 1.0)]
-    sums, best = search(delays, yielding, speed_factor)
+    for near, step in _NEAR:
+        bounds = speed_factor + _SPEEDS_NEAR[[0, -1]]
+        speed_factor = float(optimize.minimize_scalar(cost_of, bounds=bounds, options={"xatol": 1e-5}).x)
+        delays = best.delay + np.arange(-near, near + 1e-9, step)
+        delays = delays[(delays >= 0.0) & (delays <= LONGEST_DELAY)]
+        sums, best = search(delays, yielding, speed_factor)
 
     period = scenario.control_period
     fitted = best.behaviour(period)
@@ -148,6 +156,9 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
         if len(trials) > 1
     ]
     estimates = {name: _jackknife(fitted[name], [item[name] for item in others]) for name in FITTED}
+    if assisted:
+        # An operator who yields more and means to go faster gives nearly the same commands.
+        estimates["yielding"] = _jackknife_yielding(drives, best, speed_factor, yielding)
     law, ahead, steps = (
         sum(item)
         for item in zip(*(drive.squared_errors(best, speed_factor) for drive in drives), strict=True)
@@ -167,6 +178,16 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
         explained=1.0 - law / variation,
         explained_a_step_ahead=1.0 - ahead / variation,
     )
+
+
+def _jackknife_yielding(
+    drives: Sequence[DriveLikelihood], best: Optimum, speed_factor: float, yielding: Floats
+) -> Estimate:
+    """Yielding, with an interval in which the speed factor varies too."""
+    speeds, delay = speed_factor + _SPEEDS_NEAR, np.array([best.delay])
+    sums = np.array([[drive.sums(delay, yielding, float(speed))[0] for speed in speeds] for drive in drives])
+    others = [maximize_likelihood(sums.sum(axis=0) - one, speeds, yielding).yielding for one in sums]
+    return _jackknife(best.yielding, others if len(drives) > 1 else [])
 
 
 def _jackknife(value: float, others: Sequence[float]) -> Estimate:

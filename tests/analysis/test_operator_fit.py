@@ -62,11 +62,21 @@ def test_the_parameters_of_a_simulated_operator_are_recovered_from_ten_trials(si
     assert fit.noise_time.value == pytest.approx(true.noise_time, rel=0.25)
     if mode == "shared":
         assert fit.yielding.value == pytest.approx(true.yielding, abs=0.02)
+        assert fit.yielding.low <= true.yielding <= fit.yielding.high
     else:
         assert fit.yielding is None
     assert fit.speed_factor == pytest.approx(1.0, abs=0.01)
     assert 0.97 < fit.explained < fit.explained_a_step_ahead < 1.0
     assert fit.skill.low < true.skill < fit.skill.high
+
+
+def test_noise_does_not_pass_for_another_speed(simulation):
+    # Here the likelihood has a second maximum at a speed factor of 0.89 with noise that lasts for 5 s.
+    behaviour = {"skill": 0.6, "delay": 0.137, "noise": 0.3, "yielding": 0.5}
+    fit = fit_operator(drives(simulation, mode="shared", seed=9_000, **behaviour))
+    assert fit.speed_factor == pytest.approx(1.0, abs=0.01)
+    assert fit.noise.value == pytest.approx(0.3, rel=0.15)
+    assert fit.delay.low < 0.137 < fit.delay.high
 
 
 def test_the_interval_narrows_with_more_trials(simulation, plain):
