@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.common.elementwise import ARRAYS
-from drake_shared.scenario.obstacles import Obstacle
+from drake_shared.scenario.obstacles import Circle, Obstacle
 from drake_shared.scenario.planar_distance import distance_and_gradient
 
 Floats = NDArray[np.float64]
@@ -44,14 +44,19 @@ def joined(robot: Floats, paths: Floats) -> Floats:
 
 def obstacle_distance(obstacle: Obstacle, points: Floats) -> Floats:
     """Distances (n, m) from points (n, m, 2) to an obstacle at its place at the start, in [m]."""
-    distance: Floats = distance_and_gradient(obstacle, points[..., 0], points[..., 1], ARRAYS)[0]
+    x, y = points[..., 0], points[..., 1]
+    if isinstance(obstacle, Circle):
+        # Without the gradient, this takes a third of the time.
+        beside: Floats = np.hypot(x - obstacle.x, y - obstacle.y) - obstacle.radius
+        return beside
+    distance: Floats = distance_and_gradient(obstacle, x, y, ARRAYS)[0]
     return distance
 
 
 def displacements(obstacle: Obstacle, times: Floats) -> Floats:
     """How far an obstacle is from its place at the start at times (n, m): shape (n, m, 2) or (1, 1, 2)."""
     if not obstacle.path:
-        return np.zeros((*times.shape, 2))
+        return np.zeros((1, 1, 2))
     at, *places = np.array(obstacle.path).T
     start = (obstacle.x, obstacle.y)
     return np.stack(

@@ -218,7 +218,7 @@ class PathRepair:
         points = refined(aside)
         blocked = np.zeros(points.shape[:2], bool)
         for item, shift in zip(self._obstacles, shifts, strict=True):
-            distance = obstacle_distance(item, points - refined(shift))
+            distance = obstacle_distance(item, points - (refined(shift) if item.path else shift))
             least = np.minimum(self._radius + 0.5 * self._least, distance[:, :1] - 1e-9)
             blocked |= distance < least
         blocked |= self._is_outside(points) & (np.abs(points - refined(whole)).max(axis=2) > 1e-9)

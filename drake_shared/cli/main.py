@@ -38,6 +38,7 @@ COMMANDS = {
     "study": "study:StudyCommand",
     "replay": "replay:Replay",
     "reproduce": "reproduce:Reproduce",
+    "compare": "compare:Compare",
     "benchmark": "benchmark:Benchmark",
 }
 

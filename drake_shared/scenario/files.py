@@ -1,5 +1,6 @@
 """Reads scenarios: from a YAML file, by name, or from the metadata of a log."""
 
+import functools
 import json
 import math
 import os
@@ -25,6 +26,7 @@ def load_scenario(path: str | os.PathLike[str] | None = None) -> Scenario:
 
     Args:
         path: A YAML file, or the name of one in models/scenarios; the two-obstacle task if None.
+            scenes-1/scene_07, for example, is a scene of the frozen benchmark, in models/benchmark.
 
     Raises:
         InputError: The file is missing or is not a scenario, or `check_scenario` fails.
@@ -36,6 +38,9 @@ def load_scenario(path: str | os.PathLike[str] | None = None) -> Scenario:
     given = "two_obstacles" if path is None else os.fspath(path)
     file = Path(given)
     if not file.is_file():
+        scenes = scene_set(Path(given).parent.name) if given.count("/") == 1 else {}
+        if Path(given).name in scenes:
+            return scenario_from_dict(scenes[Path(given).name], source=given)
         shipped = shipped_scenarios()
         if given not in shipped:
             expected = f"must be a scenario file, or one of: {', '.join(shipped)}"
@@ -55,6 +60,20 @@ def load_scenario(path: str | os.PathLike[str] | None = None) -> Scenario:
 def shipped_scenarios() -> dict[str, Path]:
     """The files in models/scenarios by the names under which `load_scenario` finds them."""
     return {file.stem: file for file in sorted((models_directory() / "scenarios").glob("*.yaml"))}
+
+
+@functools.cache
+def scene_set(name: str) -> dict[str, dict[str, Any]]:
+    """The scenes of a set in models/benchmark by name, for `scenario_from_dict`; none if it is unknown."""
+    file = scene_set_file(name)
+    if not file.is_file():
+        return {}
+    return {scene["name"]: scene for scene in json.loads(file.read_text(encoding="utf-8"))}
+
+
+def scene_set_file(name: str) -> Path:
+    """Where the scenes of a set are."""
+    return models_directory() / "benchmark" / f"{name}.json"
 
 
 def scenario_from_dict(data: Mapping[str, Any], *, source: str | os.PathLike[str] = "scenario") -> Scenario:
