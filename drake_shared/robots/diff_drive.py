@@ -124,7 +124,7 @@ class DiffDrive:
         return self.wheel_speeds(max_speed * forward, max_yaw_rate * left)
 
     def command_toward(
-        self, configuration: Reals, target: Reals, duration: float, xp: Elementwise = FLOATS
+        self, configuration: Reals, target: Reals, duration: Real, xp: Elementwise = FLOATS
     ) -> tuple[Real, Real]:
         """Wheel speeds, in [rad/s], along the arc to ``target`` (x, y) that starts in the robot's direction.
 

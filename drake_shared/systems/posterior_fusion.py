@@ -83,16 +83,27 @@ class PosteriorFusion(RuleArbiter):
         return Fusion(
             self._model,
             routes_of(self._scenario, paths, self._planned),
+            scenario=self._scenario,
             robot=self.robot,
             period=self.period,
-            travel_time=self._scenario.travel_time,
         )
 
     def GetRouteProbability(self, context: Context) -> NDArray[np.float64]:
-        """Probability (K + 1,) of each route after this step's command, and of none of them."""
+        """Probability (K + J + 1,) after this step's command of each route, each goal and none of them."""
+        return self._fusion(context).route_probability(self.state_after(context))[:, 0]
+
+    def GetNoise(self, context: Context) -> NDArray[np.float64]:
+        """Mean and standard deviation (2,), in [rad/s], of the noise on the driver's wheel commands."""
+        return self._fusion(context).noise(self.state_after(context))[:, 0]
+
+    def GetNoiseTime(self, context: Context) -> NDArray[np.float64]:
+        """Mean and standard deviation (2,), in [s], of the time constant of that noise."""
+        return self._fusion(context).noise_time(self.state_after(context))[:, 0]
+
+    def _fusion(self, context: Context) -> Fusion:
         fusion = self.rule(context)
         assert isinstance(fusion, Fusion)
-        return fusion.route_probability(self.state_after(context))[:, 0]
+        return fusion
 
 
 def demonstrated_paths(learner: Learner) -> list[NDArray[np.float64]]:

@@ -1,13 +1,12 @@
-"""Posterior fusion against closed forms, and what its command is made of."""
-
-import dataclasses
+"""Posterior fusion against a posterior on a grid, and what its command is made of."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from scipy.stats import multivariate_normal
 
+from drake_shared.arbitration.command_filter import CommandFilters
 from drake_shared.arbitration.fusion import Fusion, FusionModel
+from drake_shared.arbitration.route_guide import RouteGuide
 from drake_shared.arbitration.routes import routes_of
 from drake_shared.arbitration.rule import ArbiterInputs
 from drake_shared.common.errors import InputError
@@ -16,13 +15,13 @@ from drake_shared.scenario import load_scenario
 PERIOD = 0.05
 SCENARIO = load_scenario("two_obstacles")
 ROUTES = routes_of(SCENARIO, [])
-COUNT = len(ROUTES.lengths)
-# Drivers neither change their route nor their noise.
-FIXED = FusionModel(switching=1e-12, drifting=1e-12, delay=1e-9)
+COUNT = len(ROUTES.lengths) + 1  # And straight to the goal.
+# Drivers change neither their route nor their noise, and obstacles say nothing.
+FIXED = FusionModel(switching=1e-12, drifting=1e-12, delay=1e-9, blocked_time=1e9)
 
 
 def fusion_with(model: FusionModel) -> Fusion:
-    return Fusion(model, ROUTES, robot=SCENARIO.robot, period=PERIOD, travel_time=SCENARIO.travel_time)
+    return Fusion(model, ROUTES, scenario=SCENARIO, robot=SCENARIO.robot, period=PERIOD)
 
 
 def inputs_of(pose: np.ndarray, human: np.ndarray) -> ArbiterInputs:
@@ -34,12 +33,12 @@ def inputs_of(pose: np.ndarray, human: np.ndarray) -> ArbiterInputs:
 
 
 def observe(fusion: Fusion, commands: np.ndarray, poses: np.ndarray):
-    """The state after commands (t, 2) at poses (t, 3), and the differences (t, K + 1) of the turns."""
-    state, differences = fusion.initial_state(1), []
+    """The state after commands (t, 2) at poses (t, 3), and what was expected of each (t, H + 1)."""
+    state, expected = fusion.initial_state(1), []
     for command, pose in zip(commands, poses, strict=True):
         _, _, state = fusion.step(state, inputs_of(pose[:, None], command[:, None]))
-        differences.append(state["difference"][:, 0])
-    return state, np.array(differences)
+        expected.append(state["expected"][-1, :, 0])
+    return state, np.array(expected)
 
 
 @pytest.fixture(scope="module")
@@ -52,53 +51,71 @@ def drive():
     return commands, np.column_stack((points[:-1], yaw))
 
 
-def posterior(differences, model, noises):
-    """By the joint normal density of all differences after the first, given the first."""
-    log = np.empty((COUNT + 1, len(noises)))
-    steps = np.arange(len(differences))
-    for route in range(COUNT + 1):
-        own, time = (
-            (model.none_turn, model.none_time) if route == COUNT else (model.mismatch, model.mismatch_time)
-        )
-        for index, noise in enumerate(noises):
-            # With one time constant for both, their sum is a process of first order as well.
-            variance = 0.5 * noise**2 + own**2
-            covariance = variance * np.exp(-PERIOD / time * np.abs(steps[:, None] - steps))
-            values = differences[:, route]
-            log[route, index] = multivariate_normal.logpdf(values, cov=covariance)
-            log[route, index] -= multivariate_normal.logpdf(values[0], cov=variance)
+@pytest.mark.parametrize("noises", [(0.5,), (0.1, 0.6, 1.3)])
+def test_the_posterior_is_that_on_the_grid_of_destinations_and_noises(drive, noises):
+    model = FusionModel(**{**FIXED.__dict__, "noises": noises, "noise_times": (0.25, 1.0)})
+    commands, _ = drive
+    state, expected = observe(fusion_with(model), *drive)
+    pairs = [(noise, time) for noise in noises for time in (0.25, 1.0)]
+    log = np.zeros((COUNT + 1, len(pairs)))
+    meant = [(model.meant_planned, model.meant_rate)] * COUNT + [(model.none_turn, model.none_rate)]
+    turn, speed = 0.5 * (commands[:, 1] - commands[:, 0]), 0.5 * commands.sum(axis=1)
+    for pair, (noise, time) in enumerate(pairs):
+        for row, kind in enumerate([*meant, (model.speed, model.speed_rate)]):
+            # One hypothesis at a time, as if there were no others.
+            filters = CommandFilters(
+                [kind], np.array([noise / 2**0.5]), np.array([time]), period=PERIOD, tail=4.0
+            )
+            own = filters.initial_state(1)
+            for step in range(len(turn)):
+                given = speed if row == COUNT + 1 else turn
+                value = np.array([[given[step] - expected[step, row]]])
+                own, score, *_ = filters.step(own, value, np.ones(1, bool))
+                log[slice(None) if row == COUNT + 1 else row, pair] += score.item()
     prior = np.append(np.full(COUNT, (1.0 - model.prior_none) / COUNT), model.prior_none)
     odds = prior[:, None] * np.exp(log - log.max())
-    return odds / odds.sum()
+    np.testing.assert_allclose(state["probability"][..., 0], odds / odds.sum(), rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.parametrize("noises", [(0.5,), (0.1, 0.6, 1.3)])
-def test_the_posterior_is_that_of_the_joint_density_of_all_commands(drive, noises):
-    model = dataclasses.replace(FIXED, mismatch_time=1.0, none_time=1.0, noises=noises, noise_times=(1.0,))
-    state, differences = observe(fusion_with(model), *drive)
-    np.testing.assert_allclose(
-        state["probability"][..., 0], posterior(differences, model, noises), rtol=1e-6, atol=1e-9
-    )
-
-
-def test_a_driver_on_a_route_is_found_and_a_noisy_one_is_known_to_be_noisy():
+def test_a_driver_on_a_route_is_found_and_the_noise_is_known_with_its_uncertainty():
     fusion = fusion_with(FusionModel())
-    robot = SCENARIO.robot
-    found = {}
+    robot, found = SCENARIO.robot, {}
     for noise in (0.05, 1.2):
         rng = np.random.default_rng(0)
-        state, route = fusion.initial_state(1), ROUTES.points[1]
-        for index in range(4, 90):
+        state, route, shaken = fusion.initial_state(1), ROUTES.points[1], np.zeros(2)
+        for index in range(4, 110):
             x, y = route[index]
             yaw = np.arctan2(*(route[index + 1] - route[index])[::-1])
-            command = np.array(robot.command_toward((x, y, yaw), tuple(route[index + 12]), 0.6))
-            command += rng.normal(0.0, noise, 2)
+            shaken = 0.9 * shaken + 0.19**0.5 * rng.normal(0.0, noise, 2)
+            command = np.array(robot.command_toward((x, y, yaw), tuple(route[index + 18]), 1.0)) + shaken
             _, _, state = fusion.step(state, inputs_of(np.array([[x], [y], [yaw]]), command[:, None]))
-        found[noise] = fusion.route_probability(state)[:, 0], fusion.noise(state).item()
-    for probability, _ in found.values():
+        found[noise] = fusion.route_probability(state)[:, 0], *fusion.noise(state)[:, 0]
+    for probability, _, deviation in found.values():
         assert probability.argmax() == 1
         assert probability.sum() == pytest.approx(1.0)
+        assert 0.0 < deviation < 0.6
     assert found[0.05][1] < 0.3 < 0.8 < found[1.2][1]
+
+
+def test_the_command_of_a_steady_driver_is_executed_whatever_the_route():
+    fusion = fusion_with(FusionModel())
+    state = fusion.initial_state(1)
+    # A slow turn that leads along none of the routes.
+    for step in range(120):
+        human = np.array([[5.0 + np.sin(0.02 * step)], [5.0 - np.sin(0.02 * step)]])
+        weight, shared, state = fusion.step(state, inputs_of(np.array([[0.5], [0.9], [1.5]]), human))
+    assert weight.item() > 0.9
+    np.testing.assert_allclose(shared, human, atol=0.1)
+
+
+def test_a_sudden_change_of_route_is_followed_within_half_a_second():
+    fusion = fusion_with(FusionModel())
+    state, pose = fusion.initial_state(1), np.array([[0.3], [0.0], [0.0]])
+    for turn in (*[1.5] * 40, *[-1.5] * 10):
+        human = np.array([[5.0 - turn], [5.0 + turn]])
+        weight, shared, state = fusion.step(state, inputs_of(pose, human))
+    assert weight.item() > 0.5
+    np.testing.assert_allclose(shared, human, atol=0.5)
 
 
 speeds = st.floats(-12.0, 12.0)
@@ -108,38 +125,55 @@ speeds = st.floats(-12.0, 12.0)
 @given(
     st.lists(st.tuples(speeds, speeds), min_size=1, max_size=8), st.floats(-0.5, 5.5), st.floats(-1.5, 1.5)
 )
-def test_the_command_is_a_convex_combination_of_the_human_and_the_routes(commands, x, y):
+def test_any_commands_give_a_finite_command_and_a_distribution(commands, x, y):
     fusion = fusion_with(FusionModel())
     state = fusion.initial_state(1)
     pose = np.array([[x], [y], [0.3]])
     for command in commands:
         before = {name: value.copy() for name, value in state.items()}
-        human = np.array(command)[:, None]
-        weight, shared, after = fusion.step(state, inputs_of(pose, human))
+        weight, shared, after = fusion.step(state, inputs_of(pose, np.array(command)[:, None]))
         for name, value in before.items():
             np.testing.assert_array_equal(state[name], value)  # The state is an argument, not a buffer.
         state = after
         assert 0.0 <= weight.item() <= 1.0
+        assert np.isfinite(shared).all()
         np.testing.assert_allclose(state["probability"].sum(), 1.0)
-        limit = SCENARIO.robot.max_wheel_speed
-        assert np.abs(shared).max() <= max(np.abs(human).max(), limit) + 1e-9
 
 
-def test_without_a_command_nothing_is_learnt_of_the_route(drive):
+def test_without_a_command_the_robot_stops_and_nothing_is_learnt(drive):
     fusion = fusion_with(FIXED)
     _, poses = drive
     state, _ = observe(fusion, np.zeros((len(poses), 2)), poses)
     prior = fusion.route_probability(fusion.initial_state(1))
     np.testing.assert_allclose(fusion.route_probability(state), prior, atol=1e-9)
+    _, shared, _ = fusion.step(state, inputs_of(poses[-1][:, None], np.zeros((2, 1))))
+    assert (shared == 0.0).all()
+
+
+def test_a_destination_behind_an_obstacle_is_blocked():
+    guide = RouteGuide(ROUTES, SCENARIO, SCENARIO.robot)
+    # Beside the first obstacle, on its left: routes that pass it on the right lie behind it.
+    pose = np.array([[1.4], [0.6], [0.0]])
+    progress = guide.initial_progress(1)
+    for _ in range(10):
+        progress = guide.advance(progress, pose)
+    _, target = guide.commands(progress, pose, np.array([0.6]))
+    first = SCENARIO.obstacles[0]
+    right = [route[np.abs(route[:, 0] - first.x).argmin(), 1] < first.y for route in ROUTES.points]
+    blocked = guide.is_blocked(pose, target[0])[:, 0]
+    assert blocked[:-1].tolist() == right
+    assert blocked[-1]  # The second obstacle is in front of the goal.
 
 
 def test_a_turn_is_compared_with_those_of_the_routes_a_reaction_delay_earlier(drive):
-    _, poses = drive
-    still = np.zeros((len(poses), 2))
-    _, at_once = observe(fusion_with(FIXED), still, poses)
-    _, delayed = observe(fusion_with(dataclasses.replace(FIXED, delay=4 * PERIOD)), still, poses)
-    np.testing.assert_allclose(delayed[4:, :COUNT], at_once[:-4, :COUNT])
-    np.testing.assert_allclose(delayed[:4], at_once[:4])
+    commands, poses = drive
+    states = {}
+    for delay in (1e-9, 4 * PERIOD):
+        fusion = fusion_with(FusionModel(**{**FIXED.__dict__, "delay": delay}))
+        states[delay], _ = observe(fusion, commands, poses)
+    late = states[4 * PERIOD]["expected"][..., 0]
+    np.testing.assert_allclose(late[-1], states[1e-9]["expected"][-1, :, 0])
+    assert len(late) == 5
 
 
 def test_drivers_side_by_side_do_not_depend_on_each_other(drive):
@@ -154,7 +188,7 @@ def test_drivers_side_by_side_do_not_depend_on_each_other(drive):
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("mismatch", 0.0), ("prior_none", 1.0), ("noises", ()), ("delay", float("nan"))]
+    ("field", "value"), [("meant", 0.0), ("prior_none", 1.0), ("noises", ()), ("delay", float("nan"))]
 )
 def test_fields_of_the_model_out_of_range_are_refused(field, value):
     with pytest.raises(InputError) as caught:

@@ -36,6 +36,20 @@ def test_a_noisy_driver_reaches_the_goal_and_is_given_less_of_the_control(trial)
     assert trial["human_weight"][100:].mean() < 0.6
 
 
+def test_the_noise_of_the_driver_is_estimated_with_its_uncertainty(simulation):
+    arbiter = simulation.parts.arbiter
+    found = {}
+    for noise in (0.1, 1.2):
+        running = simulation.begin(TrialSettings(route="left_left", seed=1, behaviour=Behaviour(noise=noise)))
+        running.advance(6.0)
+        context = arbiter.GetMyContextFromRoot(running.root)
+        (mean, deviation), (time, _) = arbiter.GetNoise(context), arbiter.GetNoiseTime(context)
+        assert abs(mean - noise) < max(3.0 * deviation, 0.1)
+        assert 0.1 < time < 2.0
+        found[noise] = mean
+    assert found[0.1] < 0.4 < 0.8 < found[1.2]
+
+
 def test_the_model_is_kept_in_the_log(trial):
     assert trial.metadata["arbitration"]["configuration"] == dataclasses.asdict(FusionModel()) | {
         "noises": list(FusionModel().noises),
