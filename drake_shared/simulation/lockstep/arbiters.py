@@ -113,7 +113,11 @@ def apply_driver(
 
 def _of(inputs: ArbiterInputs, rows: NDArray[np.int64]) -> ArbiterInputs:
     """The inputs of some trials."""
-    parts = {field.name: getattr(inputs, field.name)[..., rows] for field in dataclasses.fields(inputs)}
+    # Contiguous, since the layout of an array changes the last bits of its sums.
+    parts = {
+        field.name: np.ascontiguousarray(getattr(inputs, field.name)[..., rows])
+        for field in dataclasses.fields(inputs)
+    }
     return ArbiterInputs(**parts)
 
 
@@ -130,7 +134,7 @@ class _Applied:
         if inputs.human.shape[1] == 1:
             # The order of a sum, and so its last bits, must not depend on the number of trials.
             twice = np.zeros(2, np.int64)
-            pair = {name: value[..., twice] for name, value in state.items()}
+            pair = {name: np.repeat(value, 2, axis=-1) for name, value in state.items()}
             weight, command, after = self.step(pair, _of(inputs, twice))
             return weight[:1], command[:, :1], {name: value[..., :1] for name, value in after.items()}
         human = np.stack(list(finite_command(inputs.human, ARRAYS)))
