@@ -27,6 +27,8 @@ from drake_shared.scenario import Scenario
 Floats = NDArray[np.float64]
 
 _STILL = 1e-6
+# A robot that moves by less than this share of the commanded distance is held.
+_HELD = 0.1
 _SHARES = ("prior_none", "switching_to_none", "gradual")
 
 
@@ -77,6 +79,8 @@ class FusionModel:
     """Rate at which the noise of a driver changes, in 1/s."""
     blocked_time: float = 0.2
     """Time constant with which a destination behind an obstacle is given up, in s."""
+    held_time: float = 0.5
+    """Time after which a robot that an obstacle stops turns to the likeliest free route by itself, in s."""
     noises: tuple[float, ...] = (0.1, 0.3, 0.6, 0.9, 1.3, 1.8)
     """Standard deviations of the noise on each wheel's command that are considered, in rad/s."""
     noise_times: tuple[float, ...] = (0.1, 0.25, 0.5, 1.0, 2.0)
@@ -112,6 +116,7 @@ class Fusion:
         self, model: FusionModel, routes: Routes, *, scenario: Scenario, robot: DiffDrive, period: float
     ) -> None:
         self._model = model
+        self._robot, self._period = robot, period
         self._guide = RouteGuide(routes, scenario, robot)
         planned = [*(~routes.demonstrated).tolist(), *(True for _ in scenario.all_goals)]
         self._count = count = len(planned)
@@ -148,12 +153,14 @@ class Fusion:
             "probability": np.repeat(probability[..., None], count, axis=2),
             "command": self._filters.initial_state(count),
             "expected": np.full((self._memory, self._count + 2, count), math.nan),
+            "place": np.full((2, count), math.nan),
+            "held": np.zeros(count),
         }
 
     def step(self, state: State, inputs: ArbiterInputs) -> tuple[Floats, Floats, State]:
-        """See `drake_shared.arbitration.rule.ArbitrationRule`; pose and the drivers' commands are used.
+        """See `drake_shared.arbitration.rule.ArbitrationRule`; the agent's own command is not used.
 
-        Without a command the robot stops.
+        Without a command the robot stops. One that an obstacle stops turns to the likeliest free destination.
         """
         model, pose, human = self._model, inputs.pose, inputs.human
         progress = self._guide.advance(state["progress"], pose)
@@ -170,7 +177,8 @@ class Fusion:
         given[-1] = _speed(human)
         continued, log, fresh, fresh_log = self._filters.step(state["command"], given - past, gives)
         blocked = np.zeros_like(log[:-1, :1])
-        blocked[:-1, 0] = self._guide.is_blocked(pose, target[1])
+        is_free = ~self._guide.is_blocked(pose, target[1])
+        blocked[:-1, 0] = ~is_free
         evidence = log[-1] - self._blocked * blocked
         before = self._drifted(state["probability"])
         # Drivers keep their destination, or take one, known or not, from here on.
@@ -191,8 +199,19 @@ class Fusion:
         turn = (rest[:-1] * agent).sum(axis=0) + (share * past[:-1]).sum(axis=0)
         turn = turn + (probability * meant[0, :-1]).sum(axis=(0, 1))
         speed = past[-1] + (probability.sum(axis=0) * meant[0, -1]).sum(axis=0)
+        held = self._held(state, inputs)
+        free = is_free * probability[:-1].sum(axis=1)
+        way_out = (free * agent).sum(axis=0) / np.maximum(free.sum(axis=0), 1e-9)
+        turn = turn + held * (way_out - turn)
         command = np.where(gives, np.stack([speed - turn, speed + turn]), 0.0)
-        after = {"progress": progress, "probability": probability, "command": meant, "expected": expected}
+        after = {
+            "progress": progress,
+            "probability": probability,
+            "command": meant,
+            "expected": expected,
+            "place": pose[:2].copy(),
+            "held": held,
+        }
         weight = np.minimum(share.sum(axis=0), 1.0)
         return np.where(gives, weight, 1.0), command, after
 
@@ -207,6 +226,14 @@ class Fusion:
     def noise_time(self, state: State) -> Floats:
         """Mean and standard deviation, each (n,), of the time constant of the noise, in [s]."""
         return _moments(state["probability"].sum(axis=0), self._times)
+
+    def _held(self, state: State, inputs: ArbiterInputs) -> Floats:
+        """How long, from 0 to 1, an obstacle has kept a robot from driving on."""
+        moved = np.hypot(*(inputs.pose[:2] - state["place"]))
+        is_held = moved < _HELD * self._period * self._robot.speed(inputs.human)
+        is_held &= inputs.clearance < self._robot.footprint_radius
+        rate = self._period / self._model.held_time
+        return np.asarray(np.minimum(np.maximum(state["held"] + np.where(is_held, rate, -rate), 0.0), 1.0))
 
     def _drifted(self, probability: Floats) -> Floats:
         """The probability (H, G, n) one step later: noise and its time constant may have changed."""

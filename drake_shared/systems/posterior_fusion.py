@@ -32,6 +32,7 @@ class PosteriorFusion(RuleArbiter):
         - autonomous_command
         - confidence
         - pose
+        - clearance
         output_ports:
         - shared_command
         - human_weight
@@ -62,7 +63,7 @@ class PosteriorFusion(RuleArbiter):
         driver: str = "shared",
         model: FusionModel | None = None,
     ) -> None:
-        super().__init__(robot=robot, period=period, driver=driver, optional_inputs=("pose",))
+        super().__init__(robot=robot, period=period, driver=driver, optional_inputs=("pose", "clearance"))
         if not isinstance(self.robot, DiffDrive):
             raise InputError("PosteriorFusion", "robot", "must be a differential drive")
         self._scenario = scenario

@@ -24,11 +24,14 @@ def fusion_with(model: FusionModel) -> Fusion:
     return Fusion(model, ROUTES, scenario=SCENARIO, robot=SCENARIO.robot, period=PERIOD)
 
 
-def inputs_of(pose: np.ndarray, human: np.ndarray) -> ArbiterInputs:
-    """Inputs of a rule that uses pose (3, n) and the human's command (2, n)."""
-    unused = np.full(pose.shape[1], np.nan)
+def inputs_of(pose: np.ndarray, human: np.ndarray, *, clearance: float = np.inf) -> ArbiterInputs:
+    """Inputs of a rule that uses pose (3, n), the human's command (2, n) and clearance."""
     return ArbiterInputs(
-        human=human, autonomous=np.full_like(human, np.nan), confidence=unused, pose=pose, clearance=unused
+        human=human,
+        autonomous=np.full_like(human, np.nan),
+        confidence=np.full(pose.shape[1], np.nan),
+        pose=pose,
+        clearance=np.full(pose.shape[1], clearance),
     )
 
 
@@ -194,3 +197,21 @@ def test_fields_of_the_model_out_of_range_are_refused(field, value):
     with pytest.raises(InputError) as caught:
         FusionModel(**{field: value})
     assert caught.value.field == field
+
+
+def test_a_robot_that_an_obstacle_holds_turns_to_a_route_that_is_free():
+    fusion = fusion_with(FusionModel())
+    first = SCENARIO.obstacles[0]
+    # In front of the obstacle, a little to its left; the driver pushes straight on.
+    pose = np.array([[first.x - 0.52], [first.y + 0.1], [0.0]])
+    state, human = fusion.initial_state(1), np.full((2, 1), 8.0)
+    turns = []
+    for _ in range(30):
+        _, shared, state = fusion.step(state, inputs_of(pose, human, clearance=0.03))
+        turns.append(0.5 * (shared[1] - shared[0]).item())
+    assert abs(turns[-1]) > 2.0 * abs(turns[1])
+    moved = pose.copy()
+    for _ in range(30):
+        moved[0] -= 0.05
+        _, shared, state = fusion.step(state, inputs_of(moved, human, clearance=0.03))
+    assert state["held"].item() == 0.0
