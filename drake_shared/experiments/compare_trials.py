@@ -33,8 +33,12 @@ CONDITIONS: Mapping[str, Behaviour] = {
     "stubborn": OPERATORS["stubborn"].behaviour,
 }
 """Simulated operators in scenes as they were demonstrated."""
-CHANGED: Mapping[str, Behaviour] = {"primary": CONDITIONS["primary"], "noise 0.75": CONDITIONS["noise 0.75"]}
-"""Simulated operators in scenes that have changed since."""
+CHANGED: Mapping[str, Sequence[str]] = {
+    "unmapped": ("primary", "noise 0.75"),
+    "moved": ("primary", "noise 0.75"),
+    "moving": ("primary",),
+}
+"""Simulated operators in scenes that have changed since, by the kind of change."""
 _SEED, _STRIDE = 3_000_000, 1_000
 MEASURES = (
     "intent_success",
@@ -95,7 +99,7 @@ def run_case(
         for kind, world in worlds.items():
             wanted = {name: CONDITIONS[name] for name in conditions}
             if kind != "as taught":
-                wanted = {name: one for name, one in wanted.items() if name in CHANGED}
+                wanted = {name: one for name, one in wanted.items() if name in CHANGED[kind]}
             settings = {name: _settings(world, name, behaviour, index) for name, behaviour in wanted.items()}
             flat = [one for group in settings.values() for one in group]
             # Kept for all scenes, the diagrams would fill the memory.
