@@ -36,6 +36,7 @@ COMMANDS = {
     "list": "list:List",
     "show": "show:Show",
     "study": "study:StudyCommand",
+    "export": "export:Export",
     "replay": "replay:Replay",
     "reproduce": "reproduce:Reproduce",
     "compare": "compare:Compare",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
-from drake_shared.cli.command import Command, OptionalText
+from drake_shared.cli.command import Command, OptionalInt, OptionalText
 from drake_shared.cli.common import parquet_files, print_json
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
@@ -101,10 +101,107 @@ class Plan(Command):
 
 
 @dataclasses.dataclass(kw_only=True)
+class Run(Command):
+    """Takes participants through the study: simulated ones, headless."""
+
+    folder: _FOLDER
+    """Of the study, with its protocol."""
+    simulate: OptionalInt = None
+    """Number of simulated participants, for a dry run without people."""
+    dropout: float = 0.0
+    """Probability with which a simulated participant withdraws."""
+
+    def run(self) -> None:
+        """Runs the command."""
+        from tqdm import tqdm
+
+        from drake_shared.study.dry_run import simulate
+        from drake_shared.study.store import StudyData
+
+        data = StudyData(self.folder)
+        if self.simulate is None:
+            raise InputError("study run", "--simulate", "must be given")
+        ran = simulate(data, self.simulate, dropout=self.dropout)
+        done = list(tqdm(ran, total=self.simulate, unit="participant", disable=None))
+        say(f"took {len(done)} simulated participants through {self.folder}")
+
+
+@dataclasses.dataclass(kw_only=True)
+class Status(Command):
+    """Shows where each participant is, and the data checks."""
+
+    folder: _FOLDER
+    """Of the study, with its protocol."""
+    json: bool = False
+    """Print everything as one JSON object."""
+
+    def run(self) -> None:
+        """Runs the command."""
+        from drake_shared.study.analyze import data_checks
+        from drake_shared.study.store import StudyData
+        from drake_shared.study.tidy import trial_rows
+
+        data = StudyData(self.folder)
+        checks = data_checks(data, trial_rows(data))
+        where: dict[str, dict[str, Any]] = {}
+        for name, steps in data.steps.items():
+            following, ended = data.next_step(name), data.ended(name)
+            where[name] = {
+                "completed": len(data.completed(name)),
+                "steps": len(steps),
+                "next": None if following is None else following.name,
+                "ended": None if ended is None else f"{ended['kind']}: {ended['reason']}",
+                "notes": data.notes(name),
+            }
+        if self.json:
+            print_json({"protocol": data.protocol["hash"], "participants": where, "checks": dict(checks)})
+            return
+        for name, found in where.items():
+            state = found["ended"] or (f"next {found['next']}" if found["next"] else "finished")
+            print(f"{name}  {found['completed']:3d} of {found['steps']} steps  {state}")
+        for check, finding in checks:
+            print(f"{check}: {finding}")
+
+
+@dataclasses.dataclass(kw_only=True)
+class Analyze(Command):
+    """Analyses the data as the protocol declares, and writes a report, tidy data and a notebook."""
+
+    folder: _FOLDER
+    """Of the study, with its protocol and data."""
+    json: bool = False
+    """Print contrasts and checks as one JSON object."""
+
+    def run(self) -> None:
+        """Runs the command."""
+        from drake_shared.study.analyze import analyze, write_analysis
+        from drake_shared.study.store import StudyData
+
+        data = StudyData(self.folder)
+        found = analyze(data)
+        page = write_analysis(data, found, rerun=f"drake-shared study analyze {self.folder}")
+        if self.json:
+            print_json({"report": str(page), **found.to_json()})
+        else:
+            for item in (*found.primary, *found.secondary):
+                print(
+                    f"{item.verdict:10s} {item.measure.name}, {item.one} - {item.other}: {item.mean:.3g} "
+                    f"[{item.low:.3g}, {item.high:.3g}] (p = {item.p:.2g}, n = {item.participants})"
+                )
+        say(f"wrote {page}")
+
+
+@dataclasses.dataclass(kw_only=True)
 class StudyCommand(Command):
     """Studies with people: from a design to a report."""
 
-    action: Annotated[Init, tyro.conf.subcommand("init")] | Annotated[Plan, tyro.conf.subcommand("plan")]
+    action: (
+        Annotated[Init, tyro.conf.subcommand("init")]
+        | Annotated[Plan, tyro.conf.subcommand("plan")]
+        | Annotated[Run, tyro.conf.subcommand("run")]
+        | Annotated[Status, tyro.conf.subcommand("status")]
+        | Annotated[Analyze, tyro.conf.subcommand("analyze")]
+    )
 
     def run(self) -> None:
         """Runs the command."""

@@ -57,6 +57,32 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = False) -> Iterato
         raise RunError(f"{target}: cannot be written ({reason})") from error
 
 
+@contextlib.contextmanager
+def created_once(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yields a temporary path, and moves the file there to ``path`` if there is none yet.
+
+    The folder is created if needed. After the block the file survives a power failure; a file that exists is
+    never changed, by whatever number of processes.
+
+    Raises:
+        InputError: There is a file at ``path``.
+        RunError: Writing failed, because the disk is full, for example.
+    """
+    target = Path(path)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".", dir=target.parent) as folder:
+            temporary = Path(folder) / target.name
+            yield temporary
+            _sync(temporary)
+            os.link(temporary, target)
+            _sync(target.parent)
+    except FileExistsError as error:
+        raise InputError(target, "", "must not exist: it was written before, and is never changed") from error
+    except OSError as error:
+        raise RunError(f"{target}: cannot be written ({error.strerror or error})") from error
+
+
 def _sync(path: Path) -> None:
     descriptor = os.open(path, os.O_RDONLY)
     try:

@@ -8,7 +8,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -17,12 +17,21 @@ from drake_shared.common.files import replacing
 from drake_shared.experiments.section import Section
 from drake_shared.experiments.text import templates
 
+if TYPE_CHECKING:
+    from jinja2 import Template
+
 _LONGEST_NUMBER = 32
 """Table cells with more characters are prose, and wrapped; a number with its interval stays in one line."""
 
 
 def write_report(
-    folder: Path, sections: Sequence[Section], *, title: str, about: Mapping[str, Any], rerun: str
+    folder: Path,
+    sections: Sequence[Section],
+    *,
+    title: str,
+    about: Mapping[str, Any],
+    rerun: str,
+    template: Template | None = None,
 ) -> None:
     """Writes ``report.html``, ``report.json`` and ``data/NAME.parquet`` to ``folder``, each atomically.
 
@@ -32,6 +41,7 @@ def write_report(
         title: Of the page.
         about: Versions, size and seeds of the run.
         rerun: The command that runs it again.
+        template: Of the page, if it is not that of the experiments.
 
     Raises:
         InputError: The folder cannot be written to.
@@ -50,7 +60,7 @@ def write_report(
     with replacing(folder / "report.json") as temporary:
         temporary.write_text(json.dumps(numbers, indent=1), encoding="utf-8")
     with replacing(folder / "report.html") as temporary:
-        page = render(sections, title=title, about=about, rerun=rerun)
+        page = render(sections, title=title, about=about, rerun=rerun, template=template)
         temporary.write_text(page, encoding="utf-8")
 
 
@@ -75,10 +85,16 @@ def _data_of(report: Path) -> list[str]:
     return [name for name in names if isinstance(name, str) and name.isidentifier()]
 
 
-def render(sections: Sequence[Section], *, title: str, about: Mapping[str, Any], rerun: str) -> str:
+def render(
+    sections: Sequence[Section],
+    *,
+    title: str,
+    about: Mapping[str, Any],
+    rerun: str,
+    template: Template | None = None,
+) -> str:
     """The page; see `write_report`."""
-    template = templates().get_template("report.html")
-    return template.render(
+    return (template or templates().get_template("report.html")).render(
         sections=sections,
         claims=[claim for section in sections for claim in section.claims],
         families=Counter(claim.family for section in sections for claim in section.claims),

@@ -1,0 +1,139 @@
+"""Data of a study: every step is there once, whoever is killed, and of this study only."""
+
+import errno
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from drake_shared.cli.main import main
+from drake_shared.common.errors import InputError, RunError
+from drake_shared.study.dry_run import simulate
+from drake_shared.study.protocol import plan
+from drake_shared.study.store import StudyData
+from drake_shared.study.tidy import trial_rows
+
+PATIENCE = 60.0
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    """The content of all data, without the times at which it was written."""
+    found = {}
+    for path in sorted((folder / "data").glob("*/[!.]*.*")):
+        if path.suffix == ".json":
+            content = json.loads(path.read_text())
+            content.pop("time")
+            found[f"{path.parent.name}/{path.name}"] = json.dumps(content).encode()
+        else:
+            found[f"{path.parent.name}/{path.name}"] = path.read_bytes()
+    return found
+
+
+@pytest.fixture
+def whole(small) -> Path:
+    plan(small)
+    assert list(simulate(StudyData(small), 4)) == ["P01", "P02", "P03", "P04"]
+    return small
+
+
+def test_every_step_is_there_once_and_simulating_again_changes_nothing(whole):
+    data = StudyData(whole)
+    before = files_of(whole)
+    assert len(before) == sum(map(len, data.steps.values()))
+    assert all(data.next_step(name) is None for name in data.steps)
+    list(simulate(data, 4))
+    assert files_of(whole) == before
+
+
+def test_a_killed_run_continues_as_if_it_had_not_been(whole, tmp_path_factory):
+    other = tmp_path_factory.mktemp("killed")
+    for name in ("study.yaml", "protocol.json"):
+        shutil.copy(whole / name, other)
+    command = [sys.executable, "-m", "drake_shared.cli.main", "study", "run", str(other), "--simulate", "4"]
+    running = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + PATIENCE
+    while len(list(other.glob("data/P02/[!.]*.*"))) < 2 and running.poll() is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+    running.send_signal(signal.SIGKILL)
+    running.wait()
+    list(simulate(StudyData(other), 4))
+    assert files_of(other) == files_of(whole)
+
+
+def test_a_step_is_written_once_and_resumed_at_the_right_place(small):
+    plan(small)
+    data = StudyData(small)
+    consent, introduction = data.steps["P01"][:2]
+    assert data.next_step("P01") == consent
+    data.write_answers(consent, {"agreed": True})
+    assert StudyData(small).next_step("P01") == introduction
+    with pytest.raises(InputError):
+        data.write_answers(consent, {"agreed": False})
+    stored = json.loads((small / "data" / "P01" / "000_consent.json").read_text())
+    assert stored["answers"] == {"agreed": True}
+
+
+def test_a_full_disk_leaves_no_part_of_a_step(small, monkeypatch):
+    plan(small)
+    data = StudyData(small)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "link", full)
+        with pytest.raises(RunError):
+            data.write_answers(data.steps["P01"][0], {})
+    assert list((small / "data" / "P01").iterdir()) == []
+    data.write_answers(data.steps["P01"][0], {})
+
+
+def test_who_drops_out_or_is_excluded_has_no_next_step_and_a_reason(small):
+    plan(small)
+    data = StudyData(small)
+    list(simulate(data, 4, dropout=1.0))
+    ends = {name: data.ended(name) for name in data.steps}
+    assert all(end is not None and end["kind"] == "withdrawn" for end in ends.values())
+    assert all(data.next_step(name) is None for name in data.steps)
+    assert all(0 < len(data.completed(name)) < len(steps) for name, steps in data.steps.items())
+    data.note("P01", "spilled coffee")
+    data.end("P01", "excluded", "did not understand the task")
+    assert data.notes("P01") == ["spilled coffee"]
+    rows = [row for row in trial_rows(data) if row["participant"] == "P01"]
+    assert {row["excluded"] for row in rows} <= {"participant: did not understand the task"}
+
+
+def test_data_of_another_study_or_a_renamed_file_are_refused(whole, tmp_path_factory):
+    log = next(iter(sorted((whole / "data" / "P01").glob("*_trial_*.parquet"))))
+    twin = log.with_name(next(path.name for path in sorted(log.parent.glob("*.parquet")) if path != log))
+    twin.unlink()
+    shutil.copy(log, twin)
+    with pytest.raises(InputError) as caught:
+        list(StudyData(whole).trials())
+    assert caught.value.field == "step"
+    twin.unlink()
+    shutil.copy(log, log.with_name("foreign.parquet"))
+    with pytest.raises(InputError):
+        list(StudyData(whole).trials())
+
+
+def test_people_and_simulated_participants_are_not_mixed(small):
+    plan(small)
+    data = StudyData(small)
+    data.write_answers(data.steps["P01"][0], {"agreed": True})
+    with pytest.raises(InputError):
+        list(simulate(data, 4))
+
+
+@pytest.mark.parametrize("options", [["--simulate", "5"], ["--simulate", "2", "--dropout", "2"], []])
+def test_options_of_a_dry_run_are_checked(small, options, capsys):
+    plan(small)
+    assert main(["study", "run", str(small), *options]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
