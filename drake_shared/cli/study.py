@@ -102,12 +102,16 @@ class Plan(Command):
 
 @dataclasses.dataclass(kw_only=True)
 class Run(Command):
-    """Takes participants through the study: simulated ones, headless."""
+    """Serves the pages of participants and experimenter, or simulates participants headless."""
 
     folder: _FOLDER
     """Of the study, with its protocol."""
     simulate: OptionalInt = None
-    """Number of simulated participants, for a dry run without people."""
+    """Number of simulated participants, for a dry run without people. Default: people, on the page."""
+    host: str = "127.0.0.1"
+    """Address that the pages listen on. Anything but this machine's own shows them to the network."""
+    port: int = 8090
+    """Port that the pages listen on; 0 takes any that is free."""
     dropout: float = 0.0
     """Probability with which a simulated participant withdraws."""
 
@@ -116,11 +120,19 @@ class Run(Command):
         from tqdm import tqdm
 
         from drake_shared.study.dry_run import simulate
+        from drake_shared.study.links import EXPERIMENTER
+        from drake_shared.study.server import StudyServer, run_study
         from drake_shared.study.store import StudyData
 
         data = StudyData(self.folder)
+
+        def announce(server: StudyServer) -> None:
+            for name in (EXPERIMENTER, *data.steps):
+                print(f"{name}  {server.address_of(name)}", flush=True)
+
         if self.simulate is None:
-            raise InputError("study run", "--simulate", "must be given")
+            run_study(data, host=self.host, port=self.port, announce=announce)
+            return
         ran = simulate(data, self.simulate, dropout=self.dropout)
         done = list(tqdm(ran, total=self.simulate, unit="participant", disable=None))
         say(f"took {len(done)} simulated participants through {self.folder}")

@@ -129,6 +129,7 @@ def open_session(
     interrupted: threading.Event | None = None,
     keep_logs: bool = True,
     report: Callable[[str], None] = say,
+    choices: TrialChoices | None = None,
     on_trial: Callable[[Trial], bool | None] = lambda _: None,
 ) -> Iterator[Session]:
     """Starts the server, builds the simulation, and yields the session, ready to run.
@@ -147,6 +148,8 @@ def open_session(
         token: The key in the page's address; random if None.
         interrupted: Ends the session when set, from any thread.
         report: Called with messages for the user.
+        choices: Says what each trial is, in place of the first arguments; nothing can then be chosen on the
+            page, and a single one connects.
 
     Yields:
         The session; its ``run`` returns when the session ends.
@@ -165,7 +168,8 @@ def open_session(
         load_writer()
         _recover(Path(record), report)
     assisted = assist and learner is not None and (config is None or config.driver != "human")
-    choices = TrialChoices(scenario, learner, config, route=route)
+    fixed = choices is not None
+    choices = choices or TrialChoices(scenario, learner, config, route=route)
     driver_lock = DriverLock(enabled=operator != "surrogate", assist=assisted)
     meshcat = start_meshcat()
     server = CockpitServer(
@@ -176,6 +180,7 @@ def open_session(
         allowed_hosts=allowed_hosts,
         proxy=proxy,
         token=token,
+        fixed=fixed,
     )
     with server, _low_latency():
 
@@ -199,7 +204,7 @@ def open_session(
         yield Session(
             simulation=build(choices),
             choices=choices,
-            rebuild=build if operator == "mouse" or callable(operator) else None,
+            rebuild=build if not fixed and (operator == "mouse" or callable(operator)) else None,
             server=server,
             interrupted=interrupted or threading.Event(),
             record=None if record is None else Path(record),

@@ -67,6 +67,7 @@ class CockpitServer:
         token: The key in the page's address; random if None.
         allowed_hosts: Further names by which browsers may ask for the page.
         proxy: Origin under which a proxy that speaks TLS shows the page, such as "https://lab.example".
+        fixed: Whether the program alone decides about assistance, stick and setup, for a single page.
 
     Raises:
         InputError: ``proxy`` is no origin.
@@ -82,8 +83,10 @@ class CockpitServer:
         token: str | None = None,
         allowed_hosts: Collection[str] = (),
         proxy: str | None = None,
+        fixed: bool = False,
     ) -> None:
         self.driver_lock = driver_lock
+        self._fixed = fixed
         self.host = host
         self.port = port
         self._bound = host
@@ -230,7 +233,7 @@ class CockpitServer:
 
     async def _drive(self, request: web.Request) -> web.StreamResponse:
         """The websocket of a page."""
-        if self.pages >= MAX_PAGES:
+        if self.pages >= (1 if self._fixed else MAX_PAGES):
             raise web.HTTPServiceUnavailable(text="Too many pages are open.")
         # aiohttp closes without a reason above its own limit; between the two limits a reason is given.
         websocket = web.WebSocketResponse(
@@ -274,6 +277,8 @@ class CockpitServer:
     def _handle(self, number: int, message: Message) -> None:
         accepted = True
         match message:
+            case SetStick() | Setup() | Train() | Discard() | SetAssist() if self._fixed:
+                accepted = False
             case Move():
                 self.driver_lock.move(number, message)
             case Engage():

@@ -64,7 +64,7 @@ def simulate(
             for step in left[name]:
                 random = np.random.default_rng([data.study.seed, numbers[name], step.index, 13])
                 if step.kind == "trial":
-                    data.write_trial(step, trials.pop(step), simulated=True, late_share=0.0)
+                    data.write_trial(step, trials.pop(step), simulated=True, measured={"late_share": 0.0})
                 elif step.questionnaire is not None:
                     answers = asked[step.questionnaire].simulated_answers(random)
                     data.write_answers(step, answers, simulated=True)

@@ -72,7 +72,9 @@ class StudyData:
                 return {"kind": kind, **self._read(path)}
         return None
 
-    def write_trial(self, step: Step, trial: Trial, *, simulated: bool = False, **measured: Any) -> None:
+    def write_trial(
+        self, step: Step, trial: Trial, *, simulated: bool = False, measured: Mapping[str, Any] | None = None
+    ) -> None:
         """Writes the log of a trial, with the entry ``study`` in its metadata.
 
         Args:
@@ -85,7 +87,7 @@ class StudyData:
             InputError: The step was completed before.
             RunError: The file cannot be written.
         """
-        entry = self._entry(step, simulated) | measured
+        entry = self._entry(step, simulated) | dict(measured or {})
         whole = Trial(columns=trial.columns, metadata={**trial.metadata, "study": entry})
         with created_once(self._path(step.participant, f"{step.name}.parquet")) as temporary:
             write_log(whole, temporary)

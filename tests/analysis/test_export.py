@@ -1,5 +1,6 @@
 """Exports read back equal, each through its own library."""
 
+import csv
 import json
 
 import numpy as np
@@ -37,9 +38,13 @@ def same(one, other) -> bool:
 def test_csv_reads_back_to_the_bit(logs, tmp_path):
     export(logs, tmp_path / "out", write_csv)
     for name, trial in logs:
-        table = pd.read_csv(tmp_path / "out" / f"{name}.csv", float_precision="round_trip")
-        assert list(table) == list(trial.columns)
-        assert all(same(values, table[column].to_numpy()) for column, values in trial.columns.items())
+        with (tmp_path / "out" / f"{name}.csv").open() as file:
+            rows = list(csv.DictReader(file))
+        assert list(rows[0]) == list(trial.columns)
+        words = {"true": 1.0, "false": 0.0}
+        for column, values in trial.columns.items():
+            found = np.array([float(words.get(row[column], row[column])) for row in rows])
+            assert same(found, values.astype(float))
         text = (tmp_path / "out" / "README.md").read_text()
         assert all(f"`{column}`" in text for column in trial.columns)
     assert list(pd.read_csv(tmp_path / "out" / "trials.csv")["log"]) == [name for name, _ in logs]

@@ -15,6 +15,7 @@ import { SetupPanel } from "./setup_panel.js";
 import { Tabs } from "./tabs.js";
 import { TouchStick } from "./touch.js";
 
+const BACK = 1500; // ms; the outcome is seen before the page returns to the study.
 const HEARTBEAT = 50; // ms; the robot brakes 150 ms after the last message.
 
 const styled = Promise.all(["scene.css", "cockpit.css"].map(addStyle));
@@ -163,7 +164,14 @@ connection.on("now", (message) => {
   if (driven) scene.addToTrail(message);
   if (engaged) feedback.render(message.conflict);
 });
-connection.on("routes", (message) => scene.setRoutes(message));
+let hidden = []; // What a study does not show.
+connection.on("routes", (message) => hidden.includes("prediction") || scene.setRoutes(message));
+connection.on("study", (message) => {
+  hidden = message.hidden;
+  Object.assign(document.body.dataset, { study: "", hidden: hidden.join(" ") });
+  at("study-text").textContent = message.text;
+  if (message.back) setTimeout(() => location.replace(message.back), BACK);
+});
 connection.on("trail", (message) => scene.setTrail(message));
 connection.open();
 

@@ -1,0 +1,313 @@
+"""The pages of a study: one for each participant, and one for the experimenter."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import functools
+import multiprocessing
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from aiohttp import web
+from markdown_it import MarkdownIt
+
+from drake_shared.cockpit.listening_socket import listen
+from drake_shared.common.errors import DrakeSharedError
+from drake_shared.study.block import run_block
+from drake_shared.study.links import EXPERIMENTER, load_links
+from drake_shared.study.steps import Step
+from drake_shared.study.store import EXCLUDED, WITHDRAWN, StudyData
+
+_PAGE = Path(__file__).parent / "page"
+_ABSENT = 6.0
+"""Time without a request, in [s], after which a link can be opened elsewhere."""
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data:; font-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+
+class Seat:
+    """A participant's page and simulation.
+
+    Attributes:
+        page: Identifier of the page that has the link; another one is refused while it is present.
+        seen: When it last asked, in [s].
+        ping: Round-trip time that the page measured, in [s].
+        paused: Whether the experimenter lets the participant wait.
+        process: Of the simulation, while trials are driven.
+        address: Of the page of the simulation, once it is ready.
+    """
+
+    def __init__(self) -> None:
+        self.page = ""
+        self.seen = -_ABSENT
+        self.ping: float | None = None
+        self.paused = False
+        self.process: Any = None
+        self.pipe: Any = None
+        self.address: str | None = None
+
+    def take(self, page: str) -> bool:
+        """Gives the link to a page, unless another one has it."""
+        now = time.monotonic()
+        if page != self.page and now - self.seen < _ABSENT:
+            return False
+        self.page, self.seen = page, now
+        return True
+
+    def stop(self) -> None:
+        """Ends the simulation; its page loses the connection."""
+        if self.process is not None:
+            self.pipe.close()
+            self.process.join(10.0)
+            if self.process.is_alive():
+                self.process.kill()
+                self.process.join()
+        self.process = self.pipe = self.address = None
+
+
+class StudyServer:
+    """Serves the pages of a study, and starts a process with a simulation for each participant who drives.
+
+    Args:
+        data: Of the study.
+        host: Address to listen on.
+        port: Port to listen on; 0 takes any free one.
+
+    Raises:
+        InputError: The port is in use, or the data are of simulated participants.
+    """
+
+    def __init__(self, data: StudyData, *, host: str = "127.0.0.1", port: int = 0) -> None:
+        data.check_kind(simulated=False)
+        self._data = data
+        self._links = load_links(data)
+        self._seats = {name: Seat() for name in data.steps}
+        self._questionnaires = data.study.load_questionnaires()
+        self._markdown = MarkdownIt("commonmark", {"html": False})
+        self._spawn = multiprocessing.get_context("spawn")
+        self._listener = listen(host, port)
+        self._host, self._port = self._listener.getsockname()[:2]
+
+    def address_of(self, who: str) -> str:
+        """The link of a participant or of the experimenter."""
+        kind = "e" if who == EXPERIMENTER else "p"
+        return f"http://{self._host}:{self._port}/{kind}/{self._links[who]}"
+
+    async def serve(self, started: Callable[[], None] = lambda: None) -> None:
+        """Serves until cancelled; then all simulations end, after what was finished is written."""
+        app = web.Application(client_max_size=100_000)
+        app.on_response_prepare.append(_add_headers)
+        app.router.add_get("/p/{link}", functools.partial(self._file, "participant.html"))
+        app.router.add_get("/e/{link}", functools.partial(self._file, "experimenter.html"))
+        app.router.add_post("/p/{link}/step", self._step)
+        app.router.add_post("/e/{link}/state", self._state)
+        app.router.add_get("/ping", self._ping)
+        app.router.add_get("/page/{name}", self._asset)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        await runner.setup()
+        try:
+            await web.SockSite(runner, self._listener).start()
+            started()
+            await asyncio.Event().wait()
+        finally:
+            for seat in self._seats.values():
+                await asyncio.to_thread(seat.stop)
+            await runner.cleanup()
+
+    async def _file(self, name: str, request: web.Request) -> web.StreamResponse:
+        self._who(request)
+        return web.FileResponse(_PAGE / name)
+
+    async def _asset(self, request: web.Request) -> web.StreamResponse:
+        name = request.match_info["name"]
+        path = _PAGE / name
+        if path.suffix in (".js", ".css") and path.is_file():
+            return web.FileResponse(path)
+        compressed = _PAGE / "vendor" / f"{name}.gz"
+        if not compressed.is_file():
+            raise web.HTTPNotFound
+        kind = "text/css" if path.suffix == ".css" else "text/javascript"
+        return web.Response(
+            body=compressed.read_bytes(), content_type=kind, headers={"Content-Encoding": "gzip"}
+        )
+
+    async def _ping(self, request: web.Request) -> web.StreamResponse:
+        return web.Response(text="")
+
+    def _who(self, request: web.Request) -> str:
+        """The participant, or the experimenter, of a link."""
+        link = request.match_info["link"]
+        wanted = request.path.startswith("/e/")
+        for name, own in self._links.items():
+            if own == link and (name == EXPERIMENTER) == wanted:
+                return name
+        raise web.HTTPNotFound(text="This link is not of this study.")
+
+    async def _step(self, request: web.Request) -> web.StreamResponse:
+        """Takes the answers of a step, if there are any, and returns what to do next."""
+        name = self._who(request)
+        given = await _json(request)
+        seat = self._seats[name]
+        if not seat.take(str(given.get("page"))):
+            return web.json_response({"do": "refused", "text": "This link is open in another window."})
+        if isinstance(given.get("ping"), int | float):
+            seat.ping = float(given["ping"])
+        error = None
+        try:
+            if given.get("withdraw") is True:
+                self._data.end(name, WITHDRAWN, "on the page")
+            elif given.get("step") is not None:
+                self._complete(name, given["step"], given.get("answers"))
+        except DrakeSharedError as failure:
+            error = str(failure)
+        return web.json_response({**self._next(name, seat), "error": error})
+
+    def _complete(self, name: str, step: Any, answers: Any) -> None:
+        following = self._data.next_step(name)
+        # A page that was reloaded, or whose answer was lost, may send a step again.
+        if following is None or following.name != step or following.kind == "trial":
+            return
+        given = answers if isinstance(answers, dict) else {}
+        if following.questionnaire is not None:
+            given = self._questionnaires[following.questionnaire].check(given)
+        self._data.write_answers(following, given)
+
+    def _next(self, name: str, seat: Seat) -> dict[str, Any]:
+        """What the participant's page does."""
+        ended, step = self._data.ended(name), self._data.next_step(name)
+        if step is not None and step.kind == "thanks":
+            self._data.write_answers(step, {})
+            step = None
+        if ended is not None or step is None:
+            seat.stop()
+            return {"do": "text", "step": None, "html": self._text("thanks")}
+        if seat.ping is None:
+            return {"do": "ping"}
+        if seat.ping > self._data.study.most_ping:
+            most = 1000 * self._data.study.most_ping
+            text = f"This computer answers after {1000 * seat.ping:.0f} ms, and may take {most:.0f} ms."
+            return {"do": "refused", "text": f"{text} Please tell the experimenter."}
+        if seat.paused:
+            return {"do": "wait", "text": "Please wait for the experimenter."}
+        total = len(self._data.steps[name])
+        shown = {"step": step.name, "progress": step.index / total}
+        if step.kind == "trial":
+            return shown | self._trial(name, step, seat)
+        if step.questionnaire is not None:
+            form = self._questionnaires[step.questionnaire].form
+            return shown | {"do": "questionnaire", "form": form}
+        return shown | {"do": "text", "html": self._text(step.kind), "consent": step.kind == "consent"}
+
+    def _trial(self, name: str, step: Step, seat: Seat) -> dict[str, Any]:
+        """The address of the participant's simulation, which is started if it does not run."""
+        if seat.process is not None and not seat.process.is_alive():
+            seat.stop()
+        if seat.process is None:
+            ours, theirs = self._spawn.Pipe()
+            seat.pipe = ours
+            seat.process = self._spawn.Process(
+                target=run_block,
+                args=(str(self._data.folder), name),
+                kwargs={
+                    "host": self._host,
+                    "ping": seat.ping,
+                    "back": self.address_of(name),
+                    "pipe": theirs,
+                },
+                daemon=True,
+            )
+            seat.process.start()
+            theirs.close()
+        with contextlib.suppress(EOFError):
+            if seat.address is None and seat.pipe.poll():
+                seat.address = seat.pipe.recv()
+        if seat.address is None:
+            return {"do": "wait", "text": "The next trials are being prepared…"}
+        return {"do": "drive", "address": seat.address}
+
+    def _text(self, name: str) -> str:
+        return str(self._markdown.render(getattr(self._data.study.texts, name)))
+
+    async def _state(self, request: web.Request) -> web.StreamResponse:
+        """Does what the experimenter asks for, and returns where every participant is."""
+        self._who(request)
+        given = await _json(request)
+        name, text = str(given.get("participant")), str(given.get("text") or "").strip()
+        error = None
+        if name in self._seats:
+            try:
+                match given.get("do"):
+                    case "note" if text:
+                        self._data.note(name, text)
+                    case "exclude" if text:
+                        self._data.end(name, EXCLUDED, text)
+                        await asyncio.to_thread(self._seats[name].stop)
+                    case "pause":
+                        self._seats[name].paused = True
+                    case "next":
+                        self._seats[name].paused = False
+            except DrakeSharedError as failure:
+                error = str(failure)
+        return web.json_response(
+            {"participants": [self._describe(who) for who in self._seats], "error": error}
+        )
+
+    def _describe(self, name: str) -> dict[str, Any]:
+        seat, step, ended = self._seats[name], self._data.next_step(name), self._data.ended(name)
+        present = time.monotonic() - seat.seen < _ABSENT or (
+            seat.process is not None and bool(seat.process.is_alive())
+        )
+        return {
+            "participant": name,
+            "link": self.address_of(name),
+            "completed": len(self._data.completed(name)),
+            "steps": len(self._data.steps[name]),
+            "where": "finished" if step is None else step.name,
+            "ended": None if ended is None else f"{ended['kind']}: {ended['reason']}",
+            "present": present,
+            "paused": seat.paused,
+            "ping": seat.ping,
+            "notes": self._data.notes(name),
+        }
+
+
+async def _add_headers(_: web.Request, response: web.StreamResponse) -> None:
+    response.headers.update(_HEADERS)
+
+
+async def _json(request: web.Request) -> dict[str, Any]:
+    """The JSON object of a request; only this server's pages can send that content type."""
+    if request.content_type != "application/json":
+        raise web.HTTPUnsupportedMediaType
+    try:
+        given = await request.json()
+    except ValueError as error:
+        raise web.HTTPBadRequest from error
+    if not isinstance(given, dict):
+        raise web.HTTPBadRequest
+    return given
+
+
+def run_study(data: StudyData, *, host: str, port: int, announce: Callable[[StudyServer], None]) -> None:
+    """Serves the pages of a study until SIGINT or SIGTERM."""
+    server = StudyServer(data, host=host, port=port)
+
+    async def run() -> None:
+        loop, task = asyncio.get_running_loop(), asyncio.current_task()
+        assert task is not None
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, task.cancel)
+        await server.serve(started=lambda: announce(server))
+
+    with contextlib.suppress(asyncio.CancelledError):
+        asyncio.run(run())

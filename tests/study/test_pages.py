@@ -1,0 +1,228 @@
+"""The pages of a study: links, order of steps, the experimenter's actions, and participants side by side."""
+
+import asyncio
+import contextlib
+import json
+import os
+import threading
+import time
+import urllib.error
+import urllib.request
+
+import pytest
+import yaml
+
+from drake_shared.cockpit.chromium import CHROMIUM_ARGUMENTS, find_chromium
+from drake_shared.common.errors import InputError
+from drake_shared.study.dry_run import simulate
+from drake_shared.study.links import EXPERIMENTER
+from drake_shared.study.protocol import plan
+from drake_shared.study.server import StudyServer
+from drake_shared.study.store import StudyData
+
+PATIENCE = 60.0
+SHORT = """
+name: short
+duration: 10.0
+control_period: 0.05
+goal: {x: 0.5, y: 0.0, radius: 0.2}
+workspace: {x_min: -1.0, x_max: 2.0, y_min: -1.0, y_max: 1.0}
+obstacles: []
+routes:
+- {name: straight, waypoints: [[0.0, 0.0], [0.5, 0.0]], sides: {}}
+"""
+
+
+@contextlib.contextmanager
+def serving(data: StudyData):
+    server = StudyServer(data)
+    started, ended = threading.Event(), threading.Event()
+    running: dict = {}
+
+    async def run() -> None:
+        running["loop"], running["task"] = asyncio.get_running_loop(), asyncio.current_task()
+        await server.serve(started.set)
+
+    def main() -> None:
+        with contextlib.suppress(asyncio.CancelledError):
+            asyncio.run(run())
+        ended.set()
+
+    thread = threading.Thread(target=main)
+    thread.start()
+    assert started.wait(PATIENCE)
+    try:
+        yield server
+    finally:
+        running["loop"].call_soon_threadsafe(running["task"].cancel)
+        thread.join()
+
+
+@pytest.fixture
+def study(small):
+    """Driving a short way, between participants, with a rating after the block."""
+    data = yaml.safe_load((small / "study.yaml").read_text())
+    (small / "short.yaml").write_text(SHORT)
+    form = {"elements": [{"type": "rating", "name": "ease", "title": "Easy?", "isRequired": True}]}
+    (small / "ease.json").write_text(json.dumps(form | {"scores": {"ease": {"weights": {"ease": 1}}}}))
+    data |= {"scenario": "short.yaml", "design": "between", "trials": 1, "practice": 0}
+    data |= {"questionnaires": {"block": ["ease.json"]}, "most_ping": 5.0}
+    data["measures"] = {"primary": [{"name": "completion_time", "smallest_effect": 0.5}]}
+    (small / "study.yaml").write_text(yaml.safe_dump(data))
+    plan(small)
+    return small
+
+
+def post(address: str, path: str, **given) -> dict:
+    request = urllib.request.Request(
+        f"{address}/{path}", json.dumps(given).encode(), {"Content-Type": "application/json"}
+    )
+    with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
+        return json.load(answer)
+
+
+def test_steps_come_in_order_and_an_answer_is_taken_once(study):
+    data = StudyData(study)
+    with serving(data) as server:
+        link = server.address_of("P01")
+        assert post(link, "step", page="a")["do"] == "ping"
+        shown = post(link, "step", page="a", ping=0.001)
+        assert (shown["step"], shown["consent"]) == ("000_consent", True)
+        shown = post(link, "step", page="a", step="000_consent", answers={"agreed": True})
+        assert shown["step"] == "001_introduction"
+        assert post(link, "step", page="a", step="000_consent", answers={})["step"] == "001_introduction"
+    with serving(StudyData(study)) as server:
+        # After a crash of the server the link leads to the same place.
+        assert post(server.address_of("P01"), "step", page="b", ping=0.001)["step"] == "001_introduction"
+    assert data.completed("P01") == data.steps["P01"][:1]
+
+
+def test_a_link_is_used_once_at_a_time_and_others_are_unknown(study):
+    with serving(StudyData(study)) as server:
+        link = server.address_of("P01")
+        post(link, "step", page="a", ping=0.001)
+        assert post(link, "step", page="b", ping=0.001)["do"] == "refused"
+        assert post(link, "step", page="a")["do"] == "text"
+        for wrong in (
+            f"{link}x",
+            link.replace("/p/", "/e/"),
+            server.address_of(EXPERIMENTER).replace("/e/", "/p/"),
+        ):
+            with pytest.raises(urllib.error.HTTPError) as caught:
+                post(wrong, "step", page="a")
+            assert caught.value.code in (404, 405)
+            caught.value.close()
+
+
+def test_a_machine_that_is_too_far_away_is_told_so(study):
+    with serving(StudyData(study)) as server:
+        shown = post(server.address_of("P01"), "step", page="a", ping=6.0)
+        assert shown["do"] == "refused"
+        assert "6000 ms" in shown["text"]
+
+
+def test_experimenter_sees_notes_pauses_and_excludes(study):
+    data = StudyData(study)
+    with serving(data) as server:
+        link, own = server.address_of("P01"), server.address_of(EXPERIMENTER)
+        post(link, "step", page="a", ping=0.001)
+        post(own, "state", participant="P01", do="note", text="wears glasses")
+        post(own, "state", participant="P01", do="pause")
+        assert post(link, "step", page="a")["do"] == "wait"
+        state = post(own, "state", participant="P01", do="next")["participants"][0]
+        assert state["notes"] == ["wears glasses"]
+        assert (state["where"], state["present"], state["paused"]) == ("000_consent", True, False)
+        assert post(link, "step", page="a")["step"] == "000_consent"
+        post(own, "state", participant="P01", do="exclude", text="left")
+        assert post(link, "step", page="a")["step"] is None
+    assert data.ended("P01") == data.ended("P01") | {"kind": "excluded", "reason": "left"}
+
+
+def test_who_does_not_agree_takes_no_part(study):
+    data = StudyData(study)
+    with serving(data) as server:
+        link = server.address_of("P02")
+        post(link, "step", page="a", ping=0.001)
+        assert post(link, "step", page="a", withdraw=True)["step"] is None
+    assert data.ended("P02")["kind"] == "withdrawn"
+    assert data.completed("P02") == []
+
+
+def test_simulated_data_are_not_continued_by_people(study):
+    list(simulate(StudyData(study), 1))
+    with pytest.raises(InputError):
+        StudyServer(StudyData(study))
+
+
+@pytest.fixture
+def browser():
+    path = find_chromium()
+    if path is None:
+        if os.environ.get("CI"):
+            pytest.fail("no Chromium: install it or set DRAKE_SHARED_CHROMIUM")
+        pytest.skip("no Chromium: install it or set DRAKE_SHARED_CHROMIUM")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM_ARGUMENTS))
+        yield browser
+        browser.close()
+
+
+def until(condition, page) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, f"waited for {page.url}: {page.inner_text('body')[:500]}"
+        page.wait_for_timeout(50)
+
+
+def begin_to_drive(page) -> None:
+    page.wait_for_url(lambda url: "/p/" not in url)
+    page.wait_for_selector("#drive:enabled")
+    page.click("#drive")
+    page.keyboard.down("ArrowUp")
+
+
+@pytest.mark.browser
+def test_two_participants_take_part_side_by_side_with_reloads(study, browser):
+    from axe_playwright_python.sync_playwright import Axe
+
+    data = StudyData(study)
+    with serving(data) as server:
+        pages = []
+        for name in ("P01", "P02"):
+            page = browser.new_context(viewport={"width": 800, "height": 600}).new_page()
+            page.set_default_timeout(1000 * PATIENCE)
+            page.goto(server.address_of(name))
+            pages.append(page)
+        for page in pages:
+            page.get_by_role("button", name="I agree").click()
+            page.get_by_text("Drive to the goal.").wait_for()
+        assert Axe().run(pages[0]).violations_count == 0
+        pages[0].reload()
+        for page in pages:
+            page.get_by_role("button", name="Continue").click()
+        # The first one reloads the page while driving: the trial is driven again.
+        begin_to_drive(pages[0])
+        pages[0].wait_for_selector("#deck[data-phase=driving]")
+        assert not pages[0].is_visible("#assist-row")
+        pages[0].reload()
+        until(lambda: data.notes("P01"), pages[0])
+        for page in pages:
+            begin_to_drive(page)
+        for page in pages:
+            page.wait_for_url(lambda url: "/p/" in url)
+            page.keyboard.up("ArrowUp")
+            page.get_by_text("4", exact=True).click()
+            page.get_by_role("button", name="Continue").click()
+            page.get_by_text("Thank you for taking part.").wait_for()
+        pages[0].goto(server.address_of(EXPERIMENTER))
+        pages[0].get_by_text("finished").first.wait_for()
+        assert Axe().run(pages[0]).violations_count == 0
+    for name in ("P01", "P02"):
+        assert data.next_step(name) is None
+    trials = [trial.metadata["study"] for _, trial in data.trials()]
+    assert [trial["participant"] for trial in trials] == ["P01", "P02"]
+    assert all(trial["latency_p99"] >= trial["latency_p50"] > 0.0 for trial in trials)
+    assert all(0.0 <= trial["late_share"] <= 1.0 for trial in trials)
+    assert {answers["ease"] for _, answers in data.answers()} == {4}
