@@ -16,21 +16,6 @@ def confidence_weight(confidence: Real, xp: Elementwise = FLOATS) -> Real:
     return xp.where(known, 1.0 - xp.minimum(xp.maximum(confidence, 0.0), 1.0), 1.0)
 
 
-def traded_weight(
-    confidence: Real, agent: Real, threshold: float, margin: float, xp: Elementwise = FLOATS
-) -> Real:
-    """w of traded control: 0 where the agent drives, else 1.
-
-    Args:
-        confidence: c_f; NaN gives the human the control.
-        agent: 1 where the agent drove in the step before, else 0.
-        threshold, margin: The agent takes over where c_f is at least their sum, and gives back where it is at
-            most their difference.
-    """
-    takes, keeps = confidence >= threshold + margin, confidence > threshold - margin
-    return xp.where(xp.where(agent > 0.5, keeps, takes), 0.0, 1.0)
-
-
 def finite_weight(weight: Real, autonomous: Reals, xp: Elementwise = FLOATS) -> Real:
     """``weight``, or 1 where it or the agent's command (M,) is NaN or infinite."""
     # The sum with NaN or infinity is not finite either.

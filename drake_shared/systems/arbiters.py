@@ -31,6 +31,8 @@ from drake_shared.scenario import Scenario
 from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.constant_weight_blender import ConstantWeightBlender
+from drake_shared.systems.hindsight_optimization import HindsightOptimization
+from drake_shared.systems.leader_follower import LeaderFollower
 from drake_shared.systems.ports import check_ports
 from drake_shared.systems.posterior_fusion import PosteriorFusion
 from drake_shared.systems.traded_control import TradedControl
@@ -41,7 +43,9 @@ _BUILT_IN: dict[str, Callable[..., LeafSystem]] = {
     DEFAULT: ConfidenceBlender,
     "halves": functools.partial(ConstantWeightBlender, 0.5),
     "traded": TradedControl,
+    "leader-follower": LeaderFollower,
     "fusion": PosteriorFusion,
+    "hindsight": HindsightOptimization,
 }
 
 

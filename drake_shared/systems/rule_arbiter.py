@@ -136,7 +136,7 @@ class RuleArbiter(Arbiter):
 
     def _packed(self, state: State) -> NDArray[np.float64]:
         """The state of a rule as a vector of the size of this system's state."""
-        values = np.concatenate([value.ravel() for value in state.values()])
+        values = np.concatenate([np.empty(0), *(state[name].ravel() for name in sorted(state))])
         if len(values) > STATE_SIZE:
             expected = f"must have a state of at most {STATE_SIZE} numbers"
             raise InputError(type(self).__name__, "rule", expected, len(values))
@@ -146,7 +146,7 @@ class RuleArbiter(Arbiter):
 def _unpacked(values: NDArray[np.float64], like: State) -> State:
     """The state of a rule, with the shapes and types of ``like``."""
     state, begin = {}, 0
-    for name, value in like.items():
+    for name, value in sorted(like.items()):
         own = values[begin : begin + value.size].reshape(value.shape)
         state[name], begin = own.astype(value.dtype), begin + value.size
     return state

@@ -13,7 +13,7 @@ from drake_shared.arbitration.authority import (
     limited_weight,
     next_times,
 )
-from drake_shared.arbitration.blend import blend, confidence_weight, finite_weight, traded_weight
+from drake_shared.arbitration.blend import blend, confidence_weight, finite_weight
 
 PERIOD = 0.05
 
@@ -44,14 +44,6 @@ def test_the_weight_is_what_the_confidence_leaves(confidence, weight):
 def test_without_a_finite_command_of_the_agent_the_weight_is_1(agent):
     assert finite_weight(0.2, agent) == 1.0
     assert finite_weight(0.2, [1.0] * len(agent)) == 0.2
-
-
-@pytest.mark.parametrize(
-    ("confidence", "agent", "weight"),
-    [(0.65, 0.0, 0.0), (0.6, 0.0, 1.0), (0.6, 1.0, 0.0), (0.55, 1.0, 1.0), (math.nan, 1.0, 1.0)],
-)
-def test_traded_control_has_hysteresis(confidence, agent, weight):
-    assert traded_weight(confidence, agent, 0.6, 0.04) == weight
 
 
 def step(before, *, angle, human=(1.0, 1.0), idle_time=None, **authority):

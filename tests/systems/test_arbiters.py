@@ -16,6 +16,7 @@ from drake_shared.simulation.trial import Simulation, TrialSettings, read_log
 from drake_shared.systems.arbiters import arbiter_names, describe_arbiter, make_arbiter
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.constant_weight_blender import ConstantWeightBlender
+from drake_shared.systems.leader_follower import LeaderFollower
 from drake_shared.systems.traded_control import TradedControl
 
 MODEL = str(models_directory() / "learners" / "two_obstacles_default.safetensors")
@@ -85,7 +86,9 @@ def test_the_arbiters_of_the_package_are_registered():
 
 
 def test_an_unknown_name_is_refused_and_the_known_are_told(scenario):
-    with pytest.raises(InputError, match=r"agent, blend, fusion, halves, human, traded"):
+    with pytest.raises(
+        InputError, match=r"agent, blend, fusion, halves, hindsight, human, leader-follower, traded"
+    ):
         make_arbiter("coin")
 
 
@@ -119,6 +122,7 @@ def test_traded_control_gives_everything_to_one_of_the_two(scenario, learner):
 def test_traded_control_switches_at_the_far_side_of_its_band(step):
     dut = TradedControl(threshold=0.6, margin=0.1)
     context = dut.CreateDefaultContext()
+    dut.GetInputPort("human_command").FixValue(context, [0.0, 0.0])
     dut.GetInputPort("autonomous_command").FixValue(context, [1.0, 2.0])
     seen = []
     for confidence in (0.65, 0.7, 0.55, 0.5, 0.65, np.nan, 1.0, np.nan):
@@ -128,7 +132,18 @@ def test_traded_control_switches_at_the_far_side_of_its_band(step):
     assert seen == [1, 0, 0, 1, 1, 1, 0, 1]
 
 
-@pytest.mark.parametrize("dut", [ConstantWeightBlender(0.0), TradedControl()])
+@pytest.mark.parametrize("leader", ["human", "agent"])
+def test_the_leader_chooses_the_direction(scenario, learner, leader):
+    trial = run(scenario, learner, SharedControlConfig(arbitration=f"leader-follower:leader={leader}"))
+    left, right = trial.commands("shared").T
+    leads = trial.commands("human" if leader == "human" else "autonomous").T
+    np.testing.assert_allclose(left * leads[1], right * leads[0], atol=1e-9)
+    assert trial.metadata["arbitration"]["configuration"] == {"leader": leader, "share": 0.5}
+
+
+@pytest.mark.parametrize(
+    "dut", [ConstantWeightBlender(0.0), TradedControl(), LeaderFollower(leader="agent", share=0.0)]
+)
 def test_without_a_command_of_the_agent_the_human_drives(dut):
     context = dut.CreateDefaultContext()
     dut.GetInputPort("human_command").FixValue(context, [3.0, np.nan])

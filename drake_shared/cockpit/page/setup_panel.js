@@ -7,7 +7,9 @@ const ARBITERS = {
   blend: "by confidence (blend)",
   halves: "one half each (halves)",
   traded: "one of both at a time (traded)",
+  "leader-follower": "you lead, the agent follows (leader-follower)",
   fusion: "fusion with each route (fusion)",
+  hindsight: "least expected cost over the routes (hindsight)",
 };
 const FREE = "";
 const RESISTANCES = [[0, "no"], [0.25, "light"], [0.5, "medium"], [0.75, "strong"], [1, "full"]];

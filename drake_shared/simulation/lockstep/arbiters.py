@@ -22,7 +22,6 @@ from drake_shared.arbitration.blend import (
     confidence_weight,
     finite_command,
     finite_weight,
-    traded_weight,
 )
 from drake_shared.arbitration.rule import ArbiterInputs, ArbitrationRule, State
 from drake_shared.common.elementwise import ARRAYS
@@ -32,7 +31,6 @@ from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.constant_weight_blender import ConstantWeightBlender
 from drake_shared.systems.rule_arbiter import RuleArbiter
-from drake_shared.systems.traded_control import TradedControl
 
 Floats = NDArray[np.float64]
 _DRIVER_WEIGHTS = {"shared": math.nan, "human": 1.0, "agent": 0.0}
@@ -178,18 +176,6 @@ def _plain(weigh: Callable[[Floats], Floats]) -> ArbitrationRule:
     return _Formula(lambda count: np.zeros((0, count)), divide)
 
 
-def _traded(arbiter: Arbiter) -> ArbitrationRule:
-    threshold, margin = (arbiter.configuration[name] for name in ("threshold", "margin"))
-
-    def divide(state: Floats, inputs: ArbiterInputs) -> tuple[Floats, Floats, Floats]:
-        weight = traded_weight(inputs.confidence, state[0], threshold, margin, ARRAYS)
-        weight = finite_weight(weight, inputs.autonomous, ARRAYS)
-        command = np.stack(blend(weight, inputs.human, inputs.autonomous, ARRAYS))
-        return weight, command, 1.0 - weight[None]
-
-    return _Formula(lambda count: np.zeros((1, count)), divide)
-
-
 def _with_authority(authority: Authority, arbiter: Arbiter) -> ArbitrationRule:
     robot, period = arbiter.robot, arbiter.period
     assert isinstance(robot, DiffDrive)
@@ -225,5 +211,4 @@ def _with_authority(authority: Authority, arbiter: Arbiter) -> ArbitrationRule:
 _RULES: Mapping[type[Arbiter], Callable[[Arbiter], ArbitrationRule]] = {
     ConfidenceBlender: _of_confidence,
     ConstantWeightBlender: _constant,
-    TradedControl: _traded,
 }

@@ -78,7 +78,18 @@ def test_every_named_operator(name):
 
 
 @pytest.mark.parametrize("end", ["reached", "duration"])
-@pytest.mark.parametrize("arbitration", ["blend", "halves", "traded:threshold=0.6,margin=0.1", "fusion"])
+@pytest.mark.parametrize(
+    "arbitration",
+    [
+        "blend",
+        "halves",
+        "traded:threshold=0.6,margin=0.1,least_clearance=0.2",
+        "leader-follower:share=0.3",
+        "leader-follower:leader=agent",
+        "fusion",
+        "hindsight",
+    ],
+)
 def test_every_arbiter_in_all_scenarios(arbitration, end):
     for name in ("two_obstacles", "three_obstacles", "doorway"):
         scenario = load_scenario(name)
