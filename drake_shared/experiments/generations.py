@@ -78,8 +78,8 @@ _MEASURES = (*_TRIAL_MEASURES, *_LOOP_MEASURES)
 # Smallest effects of interest: one trial in twenty, 4% of the usual value, and 2% of the scale.
 _SMALLEST = {INTENT_SUCCESS: 5.0, DISAGREEMENT: 20.0, _CALIBRATION_ERROR: 0.02}
 _GROUP = 5
-# A trial with its calibration, and a drive that may have to be repeated.
-_TRIAL_SECONDS, _DRIVE_SECONDS = 0.03, 0.04
+# A trial with its calibration, which steps through the diagram, and a drive that may have to be repeated.
+_TRIAL_SECONDS, _DRIVE_SECONDS = 0.25, 0.04
 _EVERY = 4
 _FIRST_SEED, _STRIDE, _RUNS, _TRIALS = 40_000_000, 1_000, 100, 900
 

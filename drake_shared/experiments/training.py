@@ -85,8 +85,8 @@ def training_cost(preset: str, count: int) -> float:
     """
     groups = -(-count // _TRAINED_TOGETHER)
     if preset == "paper":
-        return 12.0 * count
-    return 4.0 * groups + 1.2 * count
+        return 14.0 * count
+    return 4.0 * groups + 1.4 * count
 
 
 def stopped_early(learner: Learner | None) -> bool:
