@@ -109,7 +109,6 @@ CRITERIA = (
 def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
     """One task for each preset and ten learners."""
     trials = min(size.trials, _TRIALS)
-    learners = size.learners
     return [
         PlannedTask(
             Task.of(run_trainings, scenario=scenario, preset=preset, learners=group, trials=trials),
@@ -117,8 +116,13 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
             + len(group) * len(SHARES) * (0.3 + TRIAL_COST * trials * len(OPERATORS)),
         )
         for preset in PRESETS
-        for group in groups(learners, _GROUP)
+        for group in groups(_learners(size, preset), _GROUP)
     ]
+
+
+def _learners(size: Size, preset: str) -> int:
+    """As many of each preset, except in a quick run."""
+    return size.learners if size.name == "full" else size.of(preset).learners
 
 
 def parameters_of(preset: str) -> TrainingParameters:
@@ -236,7 +240,7 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
         title="The learners over their training",
         text=paragraphs(
             "training_curve",
-            size=size,
+            learners={preset: _learners(size, preset) for preset in PRESETS},
             trials=min(size.trials, _TRIALS),
             threshold=studied("paper").loss_threshold,
             operators=OPERATORS,
