@@ -21,7 +21,7 @@ from drake_shared.experiments.section import FULL
 from drake_shared.experiments.training import PRESETS
 from drake_shared.operators.named import OPERATORS
 
-QUICK = dataclasses.replace(sizes.QUICK, paper=None)
+QUICK = dataclasses.replace(sizes.QUICK, repeats=10, paper=None)
 HERE = {"scenario": None, "preset": "default"}
 
 
