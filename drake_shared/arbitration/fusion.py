@@ -10,17 +10,16 @@ and Srinivasa 2013); routes without a demonstration are hypotheses too, since th
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.arbitration.command_filter import CommandFilters
+from drake_shared.arbitration.fusion_model import FusionModel
 from drake_shared.arbitration.route_guide import RouteGuide
 from drake_shared.arbitration.routes import Routes
 from drake_shared.arbitration.rule import ArbiterInputs, State
-from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive
 from drake_shared.scenario import Scenario
 
@@ -29,71 +28,6 @@ Floats = NDArray[np.float64]
 _STILL = 1e-6
 # A robot that moves by less than this share of the commanded distance is held.
 _HELD = 0.1
-_SHARES = ("prior_none", "switching_to_none", "gradual")
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class FusionModel:
-    """The model of a driver. A turn is half the difference of the wheels' speeds, a speed half their sum.
-
-    Raises:
-        InputError: A value is out of range.
-    """
-
-    look_ahead: float = 0.6
-    """Time ahead on a route of the point to which the agent steers, in s."""
-    driver_look_ahead: float = 1.0
-    """The same for the driver, in s."""
-    delay: float = 0.2
-    """Reaction delay of the driver, in s."""
-    meant: float = 0.45
-    """Standard deviation of what drivers on a demonstrated route mean beyond that steering, in rad/s."""
-    meant_planned: float = 0.8
-    """The same on a route that was planned, of which the agent knows only the side of each obstacle."""
-    meant_rate: float = 3.0
-    """Rate at which that changes, in 1/s."""
-    none_turn: float = 1.3
-    """Standard deviation of the turn of a driver on none of the routes, in rad/s."""
-    none_rate: float = 2.5
-    """Rate at which that turn changes, in 1/s."""
-    speed: float = 2.5
-    """Standard deviation of what drivers mean beyond the speed of the routes, in rad/s."""
-    speed_rate: float = 1.5
-    """Rate at which that changes, in 1/s."""
-    largest_turn: float = 3.0
-    """Largest turn that drivers are expected to give, in rad/s."""
-    tail: float = 4.0
-    """Degrees of freedom of the distribution of sudden changes; few: jerks say little."""
-    prior_planned: float = 0.3
-    """Prior probability of a route that was planned, and of the straight line to a goal, relative to one of a
-    route that was demonstrated."""
-    prior_none: float = 0.03
-    """Prior probability of none of these."""
-    switching: float = 0.2
-    """Rate at which drivers change their destination, in 1/s."""
-    switching_to_none: float = 0.05
-    """Share of these changes that lead to none of the known ones."""
-    gradual: float = 0.8
-    """Share of these changes that are gradual; the others are sudden."""
-    drifting: float = 0.05
-    """Rate at which the noise of a driver changes, in 1/s."""
-    blocked_time: float = 0.2
-    """Time constant with which a destination behind an obstacle is given up, in s."""
-    held_time: float = 0.5
-    """Time after which a robot that an obstacle stops turns to the likeliest free route by itself, in s."""
-    noises: tuple[float, ...] = (0.1, 0.3, 0.6, 0.9, 1.3, 1.8)
-    """Standard deviations of the noise on each wheel's command that are considered, in rad/s."""
-    noise_times: tuple[float, ...] = (0.1, 0.25, 0.5, 1.0, 2.0)
-    """Time constants of the noise that are considered, in s."""
-
-    def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            values = value if isinstance(value, tuple) else (value,)
-            most = 1.0 if field.name in _SHARES else math.inf
-            if not values or not all(0.0 < item < most for item in values):
-                expected = "must be from 0 to 1" if field.name in _SHARES else "must be positive and finite"
-                raise InputError("fusion", field.name, expected, value)
 
 
 class Fusion:
@@ -124,6 +58,9 @@ class Fusion:
         self._memory = max(round(model.delay / period), 0) + 1
         noises, times = (part.ravel() for part in np.meshgrid(model.noises, model.noise_times, indexing="ij"))
         self._noises, self._times = noises, times
+        # Nothing is impossible: a person may drive as never before.
+        weights = np.array(model.noise_prior or np.ones(len(noises))) + 1e-9
+        self._noise_prior = (weights / weights.sum())[:, None]
         # Turn and speed are made of two wheels, whose noises are independent.
         meant = [(model.meant_planned if item else model.meant, model.meant_rate) for item in planned]
         self._filters = CommandFilters(
@@ -146,8 +83,7 @@ class Fusion:
 
     def initial_state(self, count: int) -> State:
         """Before the first step of ``count`` drivers; the last axis of each array is theirs."""
-        pairs = len(self._noises)
-        probability = np.repeat(self._prior[:, None] / pairs, pairs, axis=1)
+        probability = self._prior[:, None] * self._noise_prior[:, 0]
         return {
             "progress": self._guide.initial_progress(count),
             "probability": np.repeat(probability[..., None], count, axis=2),
@@ -221,11 +157,22 @@ class Fusion:
 
     def noise(self, state: State) -> Floats:
         """Mean and standard deviation, each (n,), of the noise on each wheel's command, in [rad/s]."""
-        return _moments(state["probability"].sum(axis=0), self._noises)
+        return _moments(self.noise_probability(state), self._noises)
 
     def noise_time(self, state: State) -> Floats:
         """Mean and standard deviation, each (n,), of the time constant of the noise, in [s]."""
-        return _moments(state["probability"].sum(axis=0), self._times)
+        return _moments(self.noise_probability(state), self._times)
+
+    def noise_probability(self, state: State) -> Floats:
+        """Probability (G, n) of each pair of noise and time constant."""
+        return np.asarray(state["probability"].sum(axis=0))
+
+    def departure(self, state: State) -> Floats:
+        """How far (n,), from 0 to 1, the noise is from the prior of the person: near 1, somebody else drives.
+
+        It is the total variation distance of both distributions.
+        """
+        return np.asarray(0.5 * np.abs(self.noise_probability(state) - self._noise_prior).sum(axis=0))
 
     def _held(self, state: State, inputs: ArbiterInputs) -> Floats:
         """How long, from 0 to 1, an obstacle has kept a robot from driving on."""
@@ -237,8 +184,8 @@ class Fusion:
 
     def _drifted(self, probability: Floats) -> Floats:
         """The probability (H, G, n) one step later: noise and its time constant may have changed."""
-        even = probability.sum(axis=1, keepdims=True) / len(self._noises)
-        return np.asarray((1.0 - self._drifts) * probability + self._drifts * even)
+        anew = probability.sum(axis=1, keepdims=True) * self._noise_prior
+        return np.asarray((1.0 - self._drifts) * probability + self._drifts * anew)
 
 
 def _turn(command: Floats) -> Floats:

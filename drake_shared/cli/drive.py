@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+from drake_shared.cli.command import OptionalText
 from drake_shared.cli.common import open_learner, shipped_model
-from drake_shared.cli.options import LearnerOptions, PageOptions
+from drake_shared.cli.options import LearnerOptions, PageOptions, config_for_person
 from drake_shared.common.console import say
 from drake_shared.common.files import check_writable
 
@@ -23,6 +24,9 @@ class Drive(PageOptions, LearnerOptions):
     route: str = "free"
     """Route that the person is asked to drive, drawn on the page: its name, "ask" (before each drive) or
     "free". Logs carry it."""
+    person: OptionalText = None
+    """Name of the driver, whose file (of fit-operator --person) starts the estimate of the noise with
+    arbitration fusion; or that file. Default: nobody in particular."""
     record: Path = Path("logs")
     """Folder for the logs, one a trial."""
 
@@ -41,7 +45,7 @@ class Drive(PageOptions, LearnerOptions):
         drive(
             scenario,
             learner,
-            config=self.control,
+            config=config_for_person(self.control, self.person, scenario.robot),
             operator=self.operator,
             assist=self.assist,
             route=self.route,

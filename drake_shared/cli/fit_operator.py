@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from drake_shared.cli.command import Command
+from drake_shared.cli.command import Command, OptionalText
 from drake_shared.cli.common import parquet_files, print_json
+from drake_shared.common.console import say
 
 if TYPE_CHECKING:
     from drake_shared.analysis.operator_fit import OperatorFit
@@ -23,12 +24,17 @@ class FitOperator(Command):
 
     logs: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Logs of trials of one operator in one scenario, each with its intended route, or folders of them."""
+    person: OptionalText = None
+    """Keep the noise of these drives as that of this person, for --person of drive and simulate: a name, or a
+    file that ends with .json. Default: keep nothing."""
     json: bool = False
     """Print everything as one JSON object."""
 
     def run(self) -> None:
         """Runs the command."""
+        from drake_shared.analysis.driver_noise import person_of
         from drake_shared.analysis.operator_fit import fit_operator, settings_of
+        from drake_shared.arbitration.person import person_path, write_person
         from drake_shared.simulation.log import Trial, read_logs
 
         trials: list[Trial] = []
@@ -37,6 +43,10 @@ class FitOperator(Command):
             found = read_logs(log)
             trials += found.values()
             names += [str(log)] if len(found) == 1 else [f"{log}#{number}" for number in found]
+        if self.person is not None:
+            path = person_path(self.person)
+            write_person(person_of(trials, names), path)
+            say(f"wrote {path}")
         fit = fit_operator(trials, names=names)
         settings = settings_of(trials) if fit.simulated else {}
         if self.json:

@@ -10,8 +10,11 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from drake_shared.arbitration.fusion_model import FusionModel
+from drake_shared.arbitration.person import person_path, read_person
 from drake_shared.cli.command import Command, OptionalPath, OptionalText
 from drake_shared.common.errors import InputError
+from drake_shared.robots import Robot
 from drake_shared.simulation.config import SharedControlConfig, config_for, load_config
 
 Control = Annotated[SharedControlConfig, tyro.conf.arg(name=""), tyro.conf.FlagConversionOff]
@@ -112,6 +115,26 @@ class PageOptions(Command):
             "proxy": self.behind_proxy,
             "open_browser": self.open,
         }
+
+
+def config_for_person(config: SharedControlConfig, name: str | None, robot: Robot) -> SharedControlConfig:
+    """``config``, with what is known of the person of ``--person``, if one is named.
+
+    Raises:
+        InputError: The arbiter estimates nothing, or the person's file cannot be used.
+    """
+    if name is None:
+        return config
+    if config.arbitration != "fusion":
+        raise InputError("--person", "", "requires --arbitration fusion", config.arbitration)
+    person, model = read_person(person_path(name), robot), FusionModel()
+    if (person.noises, person.noise_times) != (model.noises, model.noise_times):
+        expected = "must be those of this version; write the file anew with fit-operator"
+        raise InputError(person_path(name), "noises", expected, person.noises)
+    prior = " ".join(f"{value:g}" for value in person.probability)
+    return dataclasses.replace(
+        config, arbitration_options={**config.arbitration_options, "noise_prior": prior}
+    )
 
 
 def _value_of(option: str, arguments: Sequence[str]) -> str | None:

@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from drake_shared.cli.command import OptionalPath
+from drake_shared.cli.command import OptionalPath, OptionalText
 from drake_shared.cli.common import open_learner, print_json
-from drake_shared.cli.options import LearnerOptions
+from drake_shared.cli.options import LearnerOptions, config_for_person
 from drake_shared.cli.table import figure_lines, interval
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
@@ -33,6 +33,9 @@ class Simulate(LearnerOptions):
     delayed, signal-noise, late-slow, switching, stubborn, yielding, resting, unskilled, or for an arm steady,
     unsteady, aims-ahead, switches-planes; or a log whose human commands are played back."""
     behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
+    person: OptionalText = None
+    """Name of the driver, whose file (of fit-operator --person) starts the estimate of the noise with
+    arbitration fusion; or that file. Default: nobody in particular."""
     workers: int = 1
     """Number of processes; the results do not depend on it."""
     out: OptionalPath = None
@@ -68,7 +71,7 @@ class Simulate(LearnerOptions):
             model=None if model is None else str(model),
             count=self.trials,
             seed=self.seed,
-            config=self.control,
+            config=config_for_person(self.control, self.person, scenario.robot),
             behaviour=behaviour,
             switching=switching,
             recording=recording,

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context
 
-from drake_shared.arbitration.fusion import Fusion, FusionModel
+from drake_shared.arbitration.fusion import Fusion
+from drake_shared.arbitration.fusion_model import FusionModel
 from drake_shared.arbitration.routes import routes_of
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
@@ -47,7 +48,8 @@ class PosteriorFusion(RuleArbiter):
     Args:
         scenario: Start, goal and static obstacles.
         robot, period, driver: See :class:`~drake_shared.systems.arbiter.Arbiter`.
-        model: Of a driver, see :class:`~drake_shared.arbitration.fusion.FusionModel`.
+        model: Of a driver, see :class:`~drake_shared.arbitration.fusion_model.FusionModel`.
+        noise_prior: Its field of that name, as numbers with spaces between them.
 
     Raises:
         InputError: The robot is not a differential drive, a field is out of range, or no way leads to the
@@ -62,12 +64,15 @@ class PosteriorFusion(RuleArbiter):
         period: float = 0.05,
         driver: str = "shared",
         model: FusionModel | None = None,
+        noise_prior: str = "",
     ) -> None:
         super().__init__(robot=robot, period=period, driver=driver, optional_inputs=("pose", "clearance"))
         if not isinstance(self.robot, DiffDrive):
             raise InputError("PosteriorFusion", "robot", "must be a differential drive")
         self._scenario = scenario
         self._model = model or FusionModel()
+        if noise_prior:
+            self._model = dataclasses.replace(self._model, noise_prior=_numbers(noise_prior))
         # Planned once: it takes longer than all else that a new learner costs.
         self._planned = plan_routes(scenario)
         self.DeclareRule()
@@ -101,10 +106,22 @@ class PosteriorFusion(RuleArbiter):
         """Mean and standard deviation (2,), in [s], of the time constant of that noise."""
         return self._fusion(context).noise_time(self.state_after(context))[:, 0]
 
+    def GetDeparture(self, context: Context) -> float:
+        """How far, from 0 to 1, the noise is from the prior of the person: near 1, somebody else drives."""
+        departure: float = self._fusion(context).departure(self.state_after(context)).item()
+        return departure
+
     def _fusion(self, context: Context) -> Fusion:
         fusion = self.rule(context)
         assert isinstance(fusion, Fusion)
         return fusion
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split())
+    except ValueError as error:
+        raise InputError("fusion", "noise_prior", "must be numbers with spaces between them", text) from error
 
 
 def demonstrated_paths(learner: Learner) -> list[NDArray[np.float64]]:

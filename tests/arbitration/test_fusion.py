@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from drake_shared.arbitration.command_filter import CommandFilters
-from drake_shared.arbitration.fusion import Fusion, FusionModel
+from drake_shared.arbitration.fusion import Fusion
+from drake_shared.arbitration.fusion_model import FusionModel
 from drake_shared.arbitration.route_guide import RouteGuide
 from drake_shared.arbitration.routes import routes_of
 from drake_shared.arbitration.rule import ArbiterInputs
@@ -121,6 +122,17 @@ def test_a_sudden_change_of_route_is_followed_within_half_a_second():
     np.testing.assert_allclose(shared, human, atol=0.5)
 
 
+def test_the_prior_of_a_person_is_where_a_drive_begins(drive):
+    pairs = len(FusionModel().noises) * len(FusionModel().noise_times)
+    weights = np.eye(pairs)[3]
+    fusion = fusion_with(FusionModel(noise_prior=tuple(weights)))
+    state = fusion.initial_state(1)
+    np.testing.assert_allclose(fusion.noise_probability(state)[:, 0], weights, atol=1e-6)
+    assert fusion.departure(state).item() == pytest.approx(0.0, abs=1e-9)
+    state, _ = observe(fusion, *drive)
+    assert fusion.departure(state).item() > 0.9  # Somebody noisier drives.
+
+
 speeds = st.floats(-12.0, 12.0)
 
 
@@ -191,7 +203,15 @@ def test_drivers_side_by_side_do_not_depend_on_each_other(drive):
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("meant", 0.0), ("prior_none", 1.0), ("noises", ()), ("delay", float("nan"))]
+    ("field", "value"),
+    [
+        ("meant", 0.0),
+        ("prior_none", 1.0),
+        ("noises", ()),
+        ("delay", float("nan")),
+        ("noise_prior", (float("nan"),) * 30),
+        ("noise_prior", (1.0,)),
+    ],
 )
 def test_fields_of_the_model_out_of_range_are_refused(field, value):
     with pytest.raises(InputError) as caught:

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drake_shared.arbitration.fusion import FusionModel
+from drake_shared.arbitration.fusion_model import FusionModel
 from drake_shared.arbitration.routes import routes_of
 from drake_shared.common.errors import InputError
 from drake_shared.learners import load_learner
@@ -54,6 +54,7 @@ def test_the_model_is_kept_in_the_log(trial):
     assert trial.metadata["arbitration"]["configuration"] == dataclasses.asdict(FusionModel()) | {
         "noises": list(FusionModel().noises),
         "noise_times": list(FusionModel().noise_times),
+        "noise_prior": [],
     }
 
 
