@@ -75,6 +75,7 @@ class PosteriorFusion(RuleArbiter):
             self._model = dataclasses.replace(self._model, noise_prior=_numbers(noise_prior))
         # Planned once: it takes longer than all else that a new learner costs.
         self._planned = plan_routes(scenario)
+        self._made: tuple[Learner | None, Fusion] | None = None
         self.DeclareRule()
 
     @property
@@ -84,15 +85,20 @@ class PosteriorFusion(RuleArbiter):
 
     def MakeRule(self, learner: Learner | None) -> Fusion:
         """The fusion with the routes that were demonstrated to ``learner``."""
+        # A rule has no state, so that trials can share it; its gains take as long to compute as half a trial.
+        if self._made is not None and self._made[0] is learner:
+            return self._made[1]
         assert isinstance(self.robot, DiffDrive)
         paths = [] if learner is None else demonstrated_paths(learner)
-        return Fusion(
+        fusion = Fusion(
             self._model,
             routes_of(self._scenario, paths, self._planned),
             scenario=self._scenario,
             robot=self.robot,
             period=self.period,
         )
+        self._made = learner, fusion
+        return fusion
 
     def GetRouteProbability(self, context: Context) -> NDArray[np.float64]:
         """Probability (K + J + 1,) after this step's command of each route, each goal and none of them."""
