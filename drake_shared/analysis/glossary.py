@@ -223,6 +223,16 @@ OF_LEARNERS: Mapping[str, Measure] = MappingProxyType(
             better=LOWER,
             meaning="Steps with c_f above 0.8 in which the agent expected another route.",
         ),
+        "online_coverage": Measure(
+            unit="share",
+            better="near 0.9",
+            meaning="Positions 1 s later that adaptive conformal intervals cover in both coordinates.",
+        ),
+        "learner_coverage": Measure(
+            unit="share",
+            better="near 0.9",
+            meaning="The same with the learner's own 90% intervals.",
+        ),
         "weight_where_ambiguous": Measure(
             better=HIGHER,
             meaning="Mean w where another demonstrated route is within 0.15 m at equal progress.",

@@ -105,17 +105,20 @@ class Evaluate(LearnerOptions):
             demonstrations_of_routes,
             intended_path,
         )
-        from drake_shared.simulation.trial import Simulation, TrialSettings
+        from drake_shared.analysis.online_coverage import online_coverage
+        from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 
         simulation = Simulation(scenario, learner=learner, config=self.control)
         taught = demonstrations_of_routes(scenario, learner)
         parts: dict[bool, list[Any]] = {True: [], False: []}
+        driven: dict[bool, list[Trial]] = {True: [], False: []}
         ambiguities, clocks, weights, times, open_steps = [], [], [], [], []
         for index in range(self.trials):
             route = scenario.routes[index % len(scenario.routes)].name
             trial = simulation.run(TrialSettings(route=route, seed=self.seed + index))
             intended = intended_path(scenario, learner, route)
             parts[route in taught].append(assess_confidence(learner, trial, intended))
+            driven[route in taught].append(trial)
             weights.append(trial["human_weight"][:-1])
             times.append(trial["t"][:-1])
             open_steps.append(undecided(trial, scenario))
@@ -134,6 +137,9 @@ class Evaluate(LearnerOptions):
             judged[name] = area_under_curve(scores[still_open], scores[~still_open])
         judged["taught_routes"] = sorted(taught)
         judged["untaught"] = confidence_calibration(parts[False]) if parts[False] else None
+        for figures, trials in ((judged, driven[True]), (judged["untaught"], driven[False])):
+            if trials:
+                figures["online_coverage"], figures["learner_coverage"] = online_coverage(learner, trials)
         return judged
 
 
