@@ -35,6 +35,7 @@ from drake_shared.systems.hindsight_optimization import HindsightOptimization
 from drake_shared.systems.leader_follower import LeaderFollower
 from drake_shared.systems.ports import check_ports
 from drake_shared.systems.posterior_fusion import PosteriorFusion
+from drake_shared.systems.rt_v2 import RobotTrajectron
 from drake_shared.systems.traded_control import TradedControl
 
 GROUP = "drake_shared.arbiters"
@@ -46,6 +47,7 @@ _BUILT_IN: dict[str, Callable[..., LeafSystem]] = {
     "leader-follower": LeaderFollower,
     "fusion": PosteriorFusion,
     "hindsight": HindsightOptimization,
+    "rt-v2": RobotTrajectron,
 }
 
 

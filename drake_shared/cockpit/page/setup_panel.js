@@ -10,6 +10,7 @@ const ARBITERS = {
   "leader-follower": "you lead, the agent follows (leader-follower)",
   fusion: "fusion with each route (fusion)",
   hindsight: "least expected cost over the routes (hindsight)",
+  "rt-v2": "modes corrected by your command (rt-v2)",
 };
 const FREE = "";
 const RESISTANCES = [[0, "no"], [0.25, "light"], [0.5, "medium"], [0.75, "strong"], [1, "full"]];
