@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -21,7 +22,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.learners import load_learner
 from drake_shared.simulation.trial import Trial
 from drake_shared.study.design import SHOWN
-from drake_shared.study.steps import PRACTICE, Step
+from drake_shared.study.steps import PRACTICE, Step, end_of_trials
 from drake_shared.study.store import StudyData
 from drake_shared.systems.mouse_input import MouseInput, MouseSample
 
@@ -88,6 +89,9 @@ def run_block(folder: str, participant: str, *, host: str, ping: float, back: st
     first = data.next_step(participant)
     if first is None or first.kind != "trial":
         raise InputError(folder, participant, "must have a trial as the next step")
+    end = end_of_trials(data.steps[participant], first)
+    # Ctrl-C reaches every process of a terminal; the server ends this one.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     interrupted = threading.Event()
     threading.Thread(target=_wait_for_end, args=(pipe, interrupted), daemon=True).start()
     timed: list[TimedSource] = []
@@ -104,7 +108,7 @@ def run_block(folder: str, participant: str, *, host: str, ping: float, back: st
             data.note(participant, f"a trial ended as {trial.status} and is driven again")
         timed[0].ages.clear()
         following = data.next_step(participant)
-        over = following is None or (following.kind, following.block) != ("trial", first.block)
+        over = following is None or following.index >= end
         session.server.publish("study", _announcement(data, following, back if over else None))
         return over
 

@@ -19,7 +19,7 @@ from drake_shared.cockpit.listening_socket import listen
 from drake_shared.common.errors import DrakeSharedError
 from drake_shared.study.block import run_block
 from drake_shared.study.links import EXPERIMENTER, load_links
-from drake_shared.study.steps import Step
+from drake_shared.study.steps import Step, end_of_trials
 from drake_shared.study.store import EXCLUDED, WITHDRAWN, StudyData
 
 _PAGE = Path(__file__).parent / "page"
@@ -45,6 +45,7 @@ class Seat:
         paused: Whether the experimenter lets the participant wait.
         process: Of the simulation, while trials are driven.
         address: Of the page of the simulation, once it is ready.
+        end: Index of the first step that is no trial of the simulation.
     """
 
     def __init__(self) -> None:
@@ -55,6 +56,7 @@ class Seat:
         self.process: Any = None
         self.pipe: Any = None
         self.address: str | None = None
+        self.end = 0
 
     def take(self, page: str) -> bool:
         """Gives the link to a page, unless another one has it."""
@@ -212,7 +214,11 @@ class StudyServer:
         """The address of the participant's simulation, which is started if it does not run."""
         if seat.process is not None and not seat.process.is_alive():
             seat.stop()
+        if seat.process is not None and step.index >= seat.end:
+            # The simulation of the trials before is about to end.
+            return {"do": "wait", "text": "The next trials are being prepared…"}
         if seat.process is None:
+            seat.end = end_of_trials(self._data.steps[name], step)
             ours, theirs = self._spawn.Pipe()
             seat.pipe = ours
             seat.process = self._spawn.Process(

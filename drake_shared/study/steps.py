@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numpy as np
@@ -66,6 +66,12 @@ def steps_of(study: Study, participant: str) -> list[Step]:
         dataclasses.replace(step, index=index)
         for index, step in enumerate(_steps(study, participant, number))
     ]
+
+
+def end_of_trials(steps: Sequence[Step], first: Step) -> int:
+    """The index of the first step after ``first`` that is no trial of its block."""
+    later = steps[first.index :]
+    return next((s.index for s in later if (s.kind, s.block) != ("trial", first.block)), len(steps))
 
 
 def _steps(study: Study, participant: str, number: int) -> Iterator[Step]:

@@ -1,7 +1,7 @@
 """How often studies of simulated participants report an effect. Usage: errors.py [STUDIES [SEED]]
 
-Each study has 12 participants, drawn from a pool of 60 simulated ones, who drive alone under two names of
-the same condition, and two primary measures. An effect is then added to one of them.
+Each study has 12 participants, drawn with replacement from 60 simulated ones, who drive alone under two names
+of the same condition, and two primary measures. An effect is then added to one of them.
 """
 
 from __future__ import annotations
@@ -62,6 +62,20 @@ def pool_rows(seed: int) -> dict[str, list[list[dict]]]:
     return rows
 
 
+def difference(own: list[dict]) -> float:
+    """Mean of a participant in b less that in a."""
+    one, other = ([row["value"] for row in own if row["condition"] == name] for name in "ab")
+    return float(np.mean(other) - np.mean(one))
+
+
+def centre(rows: list[list[dict]], by_order: dict[str, list[int]]) -> None:
+    """Takes away the difference between the conditions that the pool has by chance."""
+    shift = np.mean([np.mean([difference(rows[number]) for number in group]) for group in by_order.values()])
+    for own in rows:
+        for row in own:
+            row["value"] -= shift * (row["condition"] == "b")
+
+
 def study_of(rows: list[list[dict]], chosen: np.ndarray) -> list[dict]:
     return [
         row | {"participant": f"P{place:02d}"} for place, number in enumerate(chosen) for row in rows[number]
@@ -72,14 +86,14 @@ def main() -> None:
     given = [int(text) for text in sys.argv[1:]]
     count, seed = [*given, *(200, 1)[len(given) :]]
     rows, random = pool_rows(seed), np.random.default_rng(seed)
+    by_order: dict[str, list[int]] = {"a": [], "b": []}
+    for number, own in enumerate(rows[MEASURES[0].name]):
+        by_order[own[0]["condition"]].append(number)
+    for own in rows.values():
+        centre(own, by_order)
     false, found = 0, np.zeros(len(MEASURES), dtype=int)
     for _ in range(count):
-        # One of each order in turn, so that orders stay balanced.
-        first = random.permutation(POOL)
-        by_order: dict[str, list[int]] = {"a": [], "b": []}
-        for number in first:
-            by_order[rows[MEASURES[0].name][number][0]["condition"]].append(int(number))
-        chosen = np.array(by_order["a"][: SIZE // 2] + by_order["b"][: SIZE // 2])
+        chosen = np.concatenate([random.choice(numbers, SIZE // 2) for numbers in by_order.values()])
         fits = [
             fit(study_of(rows[item.name], chosen), within=True, share=False).contrast({"a": 1.0, "b": -1.0})
             for item in MEASURES

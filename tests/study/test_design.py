@@ -14,7 +14,7 @@ from drake_shared.study.design import load_study, study_from_json
 from drake_shared.study.orders import assign_groups, assign_orders, imbalance, williams_square
 from drake_shared.study.protocol import changes_between, open_planned, plan, read_protocol
 from drake_shared.study.questionnaires import load_questionnaire
-from drake_shared.study.steps import expected_minutes, participants_of, steps_of
+from drake_shared.study.steps import end_of_trials, expected_minutes, participants_of, steps_of
 
 TEMPLATES = Path(drake_shared.study.__file__).parent / "templates"
 
@@ -139,6 +139,18 @@ def test_each_participant_meets_every_condition_and_drives_each_route_as_often(f
         assert steps[-1].kind == "thanks"
     seeds = [step.seed for who in participants_of(study) for step in steps_of(study, who) if step.seed]
     assert len(set(seeds)) == len(seeds)
+
+
+def test_trials_end_where_a_questionnaire_or_another_block_follows(folder, data):
+    for asked, length in ((["sus"], 1), ([], 6)):
+        study = study_from_json(
+            data | {"questionnaires": {"trial": asked, "block": ["raw_tlx"]}}, source=folder / "study.yaml"
+        )
+        steps = steps_of(study, "P01")
+        trials = [step for step in steps if step.kind == "trial"]
+        practice, driven = trials[0], trials[2]
+        found = [end_of_trials(steps, first) - first.index for first in (practice, driven)]
+        assert found == [2, length]
 
 
 def test_workload_and_usability_are_scored_from_0_to_100():
