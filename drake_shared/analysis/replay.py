@@ -24,11 +24,13 @@ from pydrake.geometry import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_shared.analysis.arm_replay import arm_page
 from drake_shared.analysis.metrics import metrics
 from drake_shared.analysis.scene_data import describe_routes, describe_task
 from drake_shared.common.files import replacing
 from drake_shared.common.html import script_safe
 from drake_shared.learners import Learner
+from drake_shared.robots import Arm
 from drake_shared.robots.description import require_diff_drive
 from drake_shared.robots.illustration import register_robot
 from drake_shared.scenario import Scenario, scenario_from_dict
@@ -38,7 +40,7 @@ from drake_shared.simulation.trial import Trial
 from drake_shared.systems.intention_estimator import IntentionEstimator
 from drake_shared.systems.log_playback import LogPlayback
 from drake_shared.systems.moving_obstacles import AddMovingObstacles
-from drake_shared.systems.route_ribbons import route_ribbons
+from drake_shared.systems.route_ribbons import Ribbon, route_ribbons
 
 # The page's own files, which this page shares; each module after those that it imports.
 _PAGE = Path(__file__).parents[1] / "cockpit" / "page"
@@ -68,7 +70,7 @@ def write_replay(
     ``replay`` what the page shows.
 
     Args:
-        trial: A trial of a differential drive.
+        trial: A trial of a differential drive, or of an arm, whose page is an animation without a chart.
         path: The page to write.
         learner: The one that took part; without it the prediction is not shown.
         recorded: A path to compare with, drawn pale: shape (n, D), in [m].
@@ -77,8 +79,14 @@ def write_replay(
     Raises:
         InputError: The page cannot be written, the log's scenario is invalid, or the robot is another one.
     """
-    require_diff_drive(trial.metadata, "to be drawn")
     scenario = scenario_from_dict(trial.metadata["scenario"], source="the log's scenario")
+    metadata = {name: value for name, value in trial.metadata.items() if name != "scenario"}
+    if isinstance(scenario.robot, Arm):
+        ribbons = [] if learner is None else _ribbons(trial, scenario, learner)
+        page = arm_page(trial, scenario, scenario.robot, ribbons, _ROWS)
+        _write(path, _titled(page, scenario.name, [_json("trial", metadata)], _caption(trial, note)))
+        return
+    require_diff_drive(trial.metadata, "to be drawn")
     shown = {
         "task": describe_task(scenario),
         "scenario": scenario.name,
@@ -88,15 +96,12 @@ def write_replay(
         "measures": _measures(trial),
         "rows": _rows(trial),
         "moving": _moving(scenario, trial["t"]),
-        "routes": [] if learner is None else _routes(trial, scenario, learner),
+        "routes": [] if learner is None else list(map(describe_routes, _ribbons(trial, scenario, learner))),
         "every": _ROWS,
         "recorded": [] if recorded is None else np.round(recorded[:, :2], _DIGITS).tolist(),
         "note": note,
     }
-    metadata = {name: value for name, value in trial.metadata.items() if name != "scenario"}
-    page = _assembled(_meshcat_page(scenario), shown, metadata, note)
-    with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8")
+    _write(path, _assembled(_meshcat_page(scenario), shown, metadata, note))
 
 
 def _meshcat_page(scenario: Scenario) -> str:
@@ -119,7 +124,7 @@ def _meshcat_page(scenario: Scenario) -> str:
     return page
 
 
-def _routes(trial: Trial, scenario: Scenario, learner: Learner) -> list[list[dict[str, Any]]]:
+def _ribbons(trial: Trial, scenario: Scenario, learner: Learner) -> list[list[Ribbon]]:
     """The predicted routes at every second row, from the recorded poses and human commands."""
     robot, times = scenario.robot, trial["t"]
     rows = {
@@ -141,7 +146,7 @@ def _routes(trial: Trial, scenario: Scenario, learner: Learner) -> list[list[dic
         intention = estimator.get_intention_output_port().Eval(context)
         modes = estimator.GetOutputPort("modes").Eval(context)
         position = robot.position(rows["pose"][index].tolist())
-        shown.append(describe_routes(route_ribbons(intention, modes, position=position, robot=robot)))
+        shown.append(route_ribbons(intention, modes, position=position, robot=robot))
     return shown
 
 
@@ -198,6 +203,28 @@ def _assembled(page: str, shown: dict[str, Any], metadata: dict[str, Any], note:
         parts.append(f'<p id="note" role="note">{html.escape(note)}</p>\n')
     parts += [_file("replay.html"), f"<script>\n{_script(_MODULES)}</script>\n</body>", rest]
     return "".join(parts)
+
+
+def _titled(page: str, scenario: str, parts: list[str], caption: str) -> str:
+    """Meshcat's page with a title and ``parts``, and a caption over the scene."""
+    title = html.escape(f"{scenario}: replay")
+    page = page.replace("<html>", '<html lang="en">', 1)
+    page = page.replace("<title>Drake MeshCat</title>", f"<title>{title}</title>", 1)
+    style = "position:fixed;left:1em;bottom:1em;margin:0;font:14px sans-serif;color:#222"
+    shown = f'<p id="note" role="note" style="{style}">{html.escape(caption)}</p>\n'
+    body, _, rest = page.rpartition("</body>")
+    return "".join([body, *parts, shown, "</body>", rest])
+
+
+def _caption(trial: Trial, note: str) -> str:
+    driver, end = trial.metadata.get("mode"), float(trial["t"][-1])
+    legend = "dots: where the commands of human (yellow), agent (blue) and both (black) lead in a second"
+    return ". ".join(part for part in (f"{driver}: {trial.status} after {end:.1f} s", legend, note) if part)
+
+
+def _write(path: str | os.PathLike[str], page: str) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8")
 
 
 def _script(modules: Iterable[str]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from drake_shared.robots import Arm
 from drake_shared.scenario import Scenario
 from drake_shared.scenario.obstacles import Circle, Obstacle
 from drake_shared.systems.route_ribbons import Ribbon
@@ -15,16 +16,29 @@ _DIGITS = 4
 
 def describe_task(scenario: Scenario) -> dict[str, Any]:
     """Workspace, start, goals, obstacles and sizes of the robot, in [m] and [rad], world frame."""
-    space, start, robot = scenario.workspace, scenario.start, scenario.diff_drive
+    space, start, robot = scenario.workspace, scenario.start, scenario.robot
+    if isinstance(robot, Arm):
+        x, y, _ = scenario.routes[0].waypoints[0]
+        place, sizes = [x, y, 0.0], {"arm": True, "robot_radius": robot.link_radius}
+    else:
+        place = [start.x, start.y, start.yaw]
+        sizes = {
+            "robot_radius": robot.footprint_radius,
+            "wheel_radius": robot.wheel_radius,
+            "track": robot.track,
+        }
     return {
         "workspace": [space.x_min, space.x_max, space.y_min, space.y_max],
-        "start": [start.x, start.y, start.yaw],
+        "start": place,
         "goal": [scenario.goal.x, scenario.goal.y, scenario.goal.radius],
         "goals": describe_goals(scenario),
-        "obstacles": [_describe_obstacle(item) for item in scenario.obstacles],
-        "robot_radius": robot.footprint_radius,
-        "wheel_radius": robot.wheel_radius,
-        "track": robot.track,
+        # A table under an arm is the floor of the picture.
+        "obstacles": [
+            _describe_obstacle(item)
+            for item in scenario.obstacles
+            if not item.height or item.z + item.height > space.z_min
+        ],
+        **sizes,
     }
 
 

@@ -27,13 +27,14 @@ from drake_shared.common.files import check_writable
 from drake_shared.common.suggestions import suggestion
 from drake_shared.common.threads import single_threaded
 from drake_shared.learners import Learner
+from drake_shared.robots import Arm
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.journal import load_writer, recover_trials
 from drake_shared.simulation.scene_drawing import center_scene
 from drake_shared.simulation.trial import Simulation, Trial
-from drake_shared.systems.mouse_input import MouseInput
 from drake_shared.systems.operators import make_operator, registered_operators
+from drake_shared.systems.tip_input import make_mouse_input
 
 OPERATORS = ("mouse", "surrogate")
 
@@ -187,7 +188,7 @@ def open_session(
         def build(chosen: TrialChoices) -> Simulation:
             meshcat.Delete()
             if operator == "mouse":
-                system: LeafSystem | None = MouseInput(robot=chosen.scenario.robot, source=driver_lock)
+                system: LeafSystem | None = make_mouse_input(chosen.scenario.robot, driver_lock)
             else:
                 system = operator(driver_lock) if callable(operator) else None
             simulation = Simulation(
@@ -196,7 +197,8 @@ def open_session(
                 config=chosen.config,
                 operator=system,
                 meshcat=meshcat,
-                show_intention=False,
+                # The page draws the routes of robots on the floor itself.
+                show_intention=isinstance(chosen.scenario.robot, Arm),
             )
             center_scene(meshcat, chosen.scenario)
             return simulation

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from drake_shared.cockpit.messages import Brake, Move, Request
+from drake_shared.cockpit.messages import Brake, Lift, Move, Request
 from drake_shared.systems.mouse_input import MouseSample, StickSettings
 
 LOST_AFTER = 2.0
@@ -134,6 +134,12 @@ class DriverLock:
                     arrival=self._clock(),
                 )
 
+    def lift(self, page: int, lift: Lift) -> None:
+        """Stores the third axis of an arm from ``page``. Ignored unless ``page`` holds the lock."""
+        with self._mutex:
+            if page == self._holder:
+                self._sample = dataclasses.replace(self._sample, up=lift.up, vertical=lift.vertical)
+
     def brake(self, page: int, brake: Brake) -> None:
         """Starts or ends a stop on request of ``page``. Ignored unless ``page`` holds the lock."""
         with self._mutex:
@@ -212,7 +218,7 @@ class DriverLock:
         self._holder = None
         self._paused = False
         # The counters stay: a log keeps the last known values.
-        self._sample = dataclasses.replace(self._sample, engaged=False, forward=0.0, turn=0.0)
+        self._sample = dataclasses.replace(self._sample, engaged=False, forward=0.0, turn=0.0, up=0.0)
 
     def _notify(self) -> None:
         for listener in self._listeners:

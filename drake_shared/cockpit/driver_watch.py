@@ -5,12 +5,15 @@ from __future__ import annotations
 import threading
 
 from drake_shared.cockpit.driver_lock import DriverLock
+from drake_shared.robots import Arm
 from drake_shared.simulation.journal import INTERRUPTED
 from drake_shared.simulation.trial import RunningTrial
 from drake_shared.systems.mouse_input import STALE_AFTER
+from drake_shared.systems.plant import plant_ports
 
 _POLL_PERIOD = 0.002
-_REST_SPEED = 1e-6
+# The posture of an arm may still settle, which its tip does not feel.
+_REST_SPEED, _ARM_REST_SPEED = 1e-6, 0.05
 
 
 class DriverWatch:
@@ -35,8 +38,9 @@ class DriverWatch:
         self._interrupted = interrupted
         self._driver = running.driver
         parts = running.simulation.parts
-        self._wheels_port = parts.plant.GetOutputPort("wheel_speed")
-        self._wheels_context = parts.plant.GetMyContextFromRoot(running.root)
+        self._speed_port = plant_ports(parts.plant, parts.robot).speed
+        self._rest_speed = _ARM_REST_SPEED if isinstance(parts.robot, Arm) else _REST_SPEED
+        self._plant_context = parts.plant.GetMyContextFromRoot(running.root)
 
     @property
     def end_reason(self) -> str | None:
@@ -47,7 +51,7 @@ class DriverWatch:
         """Waits for the driver's first move, at which the trial starts. Returns False if there is none."""
         while self.end_reason is None:
             sample = self._driver_lock.latest()
-            deflected = max(abs(sample.forward), abs(sample.turn)) > sample.stick.dead_zone
+            deflected = max(abs(sample.forward), abs(sample.turn), abs(sample.up)) > sample.stick.dead_zone
             if sample.engagement == self._engagement and (sample.x or sample.y or deflected):
                 return True
             if self._interrupted.wait(_POLL_PERIOD):
@@ -73,9 +77,9 @@ class DriverWatch:
         return self._driver_lock.paused and self.check_rest() is not None
 
     def check_rest(self) -> str | None:
-        """Returns "at rest" once the wheels are at rest, else None."""
-        wheels = self._wheels_port.Eval(self._wheels_context)
-        return "at rest" if max(abs(wheels)) <= _REST_SPEED else None
+        """Returns "at rest" once wheels or joints are at rest, else None."""
+        speeds = self._speed_port.Eval(self._plant_context)
+        return "at rest" if max(abs(speeds)) <= self._rest_speed else None
 
     def _set_driver(self, driver: str) -> None:
         # Setting a parameter, even to the same value, invalidates Drake's cache.

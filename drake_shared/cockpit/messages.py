@@ -41,6 +41,14 @@ class Move:
     turn: float
 
 
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Lift:
+    """Third axis of an arm's tip: ``up`` in [-1, 1]; ``vertical`` lets the stick move up and sideways."""
+
+    up: float
+    vertical: bool
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
 class Brake:
     """Asks for a stop: ``lifted`` while no finger is on the touch stick, ``paused`` on request."""
@@ -96,7 +104,7 @@ class Discard:
 
 Request = Setup | Train | Discard
 """What the session does between trials."""
-Message = Engage | Release | Move | Brake | Recentre | SetStick | SetAssist | Request
+Message = Engage | Release | Move | Lift | Brake | Recentre | SetStick | SetAssist | Request
 Reader = Callable[[str, Any], Any]
 """Returns the value of a field, given its name and what JSON holds; raises MessageError."""
 
@@ -168,6 +176,7 @@ _AXIS = _number(-1.0, 1.0)
 
 _MESSAGES: dict[str, tuple[Callable[..., Message], dict[str, Reader]]] = {
     "move": (Move, {"x": _COUNT, "y": _COUNT, "forward": _AXIS, "turn": _AXIS}),
+    "lift": (Lift, {"up": _AXIS, "vertical": _flag}),
     "engage": (Engage, {}),
     "release": (Release, {}),
     "brake": (Brake, {"lifted": _flag, "paused": _flag}),

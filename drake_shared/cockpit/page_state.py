@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -101,7 +101,16 @@ class StateReader:
             scale=self._scale,
             paused=paused,
         )
-        described = describe_now(values, running.time, let_go, reason=reason, surroundings=surroundings)
+        described = describe_now(
+            values,
+            running.time,
+            let_go,
+            reason=reason,
+            surroundings=surroundings,
+            commands=self._simulation.robot.command_names[:2],
+        )
+        if "yaw" not in values:
+            described["pose"] = _numbers(values["x"], values["y"], 0.0)  # The shadow of an arm's tip.
         described["motion"] = self._motion(values, running.time)
         return described
 
@@ -123,6 +132,7 @@ def describe_now(
     *,
     reason: Reason | None = None,
     surroundings: Surroundings | None = None,
+    commands: Sequence[str] = ("left", "right"),
 ) -> dict[str, Any]:
     """Returns the ``now`` message: the values that the page shows during a trial.
 
@@ -132,6 +142,7 @@ def describe_now(
         let_go: Why the agent gives up its authority, if it does.
         reason: Why the control is divided as it is, if it is known.
         surroundings: Where the robot is among the demonstrations, if they are known.
+        commands: Names of the two elements of a command that are shown.
     """
     return {
         "t": round(time, 3),
@@ -140,9 +151,9 @@ def describe_now(
         "open_routes": None if surroundings is None else surroundings.open_routes,
         "human_weight": _number(values["human_weight"]),
         "confidence": _number(values["confidence"]),
-        "human": _pair(values, "human"),
-        "autonomous": _pair(values, "autonomous"),
-        "shared": _pair(values, "shared"),
+        "human": _pair(values, "human", commands),
+        "autonomous": _pair(values, "autonomous", commands),
+        "shared": _pair(values, "shared", commands),
         "motion": None,
         "pose": _numbers(values.get("x"), values.get("y"), values.get("yaw")),
         "clearance": _number(values.get("clearance")),
@@ -178,8 +189,8 @@ def describe_result(trial: Trial, saved: str | None, trouble: str | None) -> dic
     }
 
 
-def _pair(values: Mapping[str, float], who: str) -> list[float | None]:
-    return _numbers(values[f"{who}_left"], values[f"{who}_right"])
+def _pair(values: Mapping[str, float], who: str, names: Sequence[str]) -> list[float | None]:
+    return _numbers(*(values[f"{who}_{name}"] for name in names))
 
 
 def _numbers(*values: float | None) -> list[float | None]:

@@ -28,6 +28,7 @@ from drake_shared.cockpit.messages import (
     Brake,
     Discard,
     Engage,
+    Lift,
     Message,
     MessageError,
     Move,
@@ -281,6 +282,8 @@ class CockpitServer:
                 accepted = False
             case Move():
                 self.driver_lock.move(number, message)
+            case Lift():
+                self.driver_lock.lift(number, message)
             case Engage():
                 accepted = self.driver_lock.engage(number)
             case Release():

@@ -177,11 +177,7 @@ class TrialChoices:
     def _find_scenario(self, name: str) -> Scenario:
         if name == self.scenario.name:
             return self.scenario
-        if name == self._own.name:
-            return self._own
-        found = load_scenario(self._scenarios.get(name, name))
-        _ = found.diff_drive  # The page draws no other robot.
-        return found
+        return self._own if name == self._own.name else load_scenario(self._scenarios.get(name, name))
 
     def _find_learner(self, name: str | None) -> Learner | None:
         if name is None:

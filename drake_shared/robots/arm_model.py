@@ -98,6 +98,7 @@ class ArmModel:
         self.home: Floats = np.array(arm.home)
         self._context = plant.CreateDefaultContext()
         self._world = plant.world_frame()
+        self._key, self._X_WT = b"", RigidTransform()
         self._frames = self._filter_pairs(graph, others)
 
     @property
@@ -108,8 +109,11 @@ class ArmModel:
     def tip_pose(self, joints: Floats) -> RigidTransform:
         """X_WT of the tip at joint positions (n,), in [rad]; the other methods are about the last ones
         given."""
-        self.plant.SetPositions(self._context, joints)
-        return self._tip.CalcPoseInWorld(self._context)
+        key = joints.tobytes()
+        if key != self._key:
+            self.plant.SetPositions(self._context, joints)
+            self._key, self._X_WT = key, self._tip.CalcPoseInWorld(self._context)
+        return self._X_WT
 
     def jacobian(self) -> Floats:
         """Shape (6, n): angular velocity, in [rad/s], and velocity, in [m/s], of the tip per joint speed."""
@@ -123,9 +127,14 @@ class ArmModel:
         gradient = np.zeros(self.size)
         for geometry, p_GC, sign in ((pair.id_A, pair.p_ACa, 1.0), (pair.id_B, pair.p_BCb, -1.0)):
             if geometry in self._frames:
-                frame, X_FG = self._frames[geometry]
+                frame, R_FG, p_FG = self._frames[geometry]
                 velocity = self.plant.CalcJacobianTranslationalVelocity(
-                    self._context, JacobianWrtVariable.kV, frame, X_FG @ p_GC, self._world, self._world
+                    self._context,
+                    JacobianWrtVariable.kV,
+                    frame,
+                    R_FG @ p_GC + p_FG,
+                    self._world,
+                    self._world,
                 )
                 gradient += sign * (pair.nhat_BA_W @ velocity)
         return gradient
@@ -164,7 +173,7 @@ class ArmModel:
 
     def _filter_pairs(
         self, graph: SceneGraph, others: list[GeometryId]
-    ) -> dict[GeometryId, tuple[Frame, RigidTransform]]:
+    ) -> dict[GeometryId, tuple[Frame, Floats, Floats]]:
         """Excludes pairs that are not watched. Returns frame of the link and pose in it of each solid."""
         plant, inspector = self.plant, graph.model_inspector()
         indices = plant.GetBodyIndices(self._instance)
@@ -184,11 +193,12 @@ class ArmModel:
                 if len(moved_by[first] ^ moved_by[second]) < _JOINTS_BETWEEN:
                     rule.ExcludeBetween(GeometrySet(own), GeometrySet(solids[second]))
         graph.collision_filter_manager().Apply(rule)
-        return {
-            solid: (body.body_frame(), inspector.GetPoseInFrame(solid))
-            for body, own in zip(bodies, solids, strict=True)
-            for solid in own
-        }
+        frames = {}
+        for body, own in zip(bodies, solids, strict=True):
+            for solid in own:
+                X_FG = inspector.GetPoseInFrame(solid)
+                frames[solid] = (body.body_frame(), X_FG.rotation().matrix(), X_FG.translation())
+        return frames
 
 
 def rotation_vector(rotation: Floats) -> Floats:

@@ -10,6 +10,8 @@ Floats = NDArray[np.float64]
 
 # What a solution may exceed a limit by, in [rad/s] or [m/s]: rounding of the unconstrained minimum.
 _TOLERANCE = 1e-9
+# Squares of singular values of the Jacobian below this are zero.
+_SINGULAR = 1e-9
 
 
 class VelocityIk:
@@ -29,6 +31,7 @@ class VelocityIk:
 
     def __init__(self, size: int, *, rows: int, posture: float = 1e-2, damping: float = 1e-4) -> None:
         self._posture, self._damping = posture, damping * np.eye(size)
+        self._identity, self._regularization = np.eye(size), _SINGULAR * np.eye(6)
         self._program = MathematicalProgram()
         v = self._program.NewContinuousVariables(size, "v")
         self._v = v
@@ -56,18 +59,17 @@ class VelocityIk:
         """The solution (n,), in [rad/s], or None if no joint speeds fulfil the constraints.
 
         Args:
-            jacobian: J (k, n).
-            twist: t (k,).
+            jacobian: J (6, n).
+            twist: t (6,).
             posture: u (n,), in [rad/s].
             lower, upper: Bounds (n,), in [rad/s].
             a, b: Inequalities (l, n) and (l,), l <= m.
         """
-        # The rows of V beyond the rank span what the tip does not feel.
-        unfelt = np.linalg.svd(jacobian)[2][len(jacobian) :]
-        pull = self._posture * unfelt.T @ unfelt
+        felt = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + self._regularization, jacobian)
+        pull = self._posture * (self._identity - felt)
         hessian = jacobian.T @ jacobian + pull + self._damping
         gradient = jacobian.T @ twist + pull @ posture
-        free: Floats = np.linalg.solve(hessian, gradient)
+        free: Floats = np.asarray(np.linalg.solve(hessian, gradient), dtype=float)
         within = (free >= lower - _TOLERANCE).all() and (free <= upper + _TOLERANCE).all()
         if within and (a @ free >= b - _TOLERANCE).all():
             return free

@@ -8,7 +8,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_shared.common.errors import InputError
 from drake_shared.scenario import Scenario
-from drake_shared.simulation.config import SharedControlConfig, config_for
+from drake_shared.simulation.config import SharedControlConfig, config_for, config_for_robot
 from drake_shared.simulation.shared_control import SharedControl
 from drake_shared.simulation.wiring import Systems, Wiring
 from drake_shared.systems.operators import check_operator_inputs
@@ -30,7 +30,8 @@ def AddSharedControl(
     config.faults.check_duration(scenario.duration)
     if builder.HasSubsystemNamed(f"{prefix}operator"):
         raise InputError("prefix", "", "must differ from that of the other loop in the builder", repr(prefix))
-    return Wiring(builder, scenario, config, systems.get("robot") or scenario.robot, prefix).wire(systems)
+    robot = systems.get("robot") or scenario.robot
+    return Wiring(builder, scenario, config_for_robot(config, robot), robot, prefix).wire(systems)
 
 
 def MakeSharedControlDiagram(

@@ -29,6 +29,7 @@ from drake_shared.systems.arm_plant import AddArmGeometry, ArmPlant
 from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.conflict_feedback import ConflictFeedback
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
+from drake_shared.systems.dynamic_arm_plant import DynamicArmPlant
 from drake_shared.systems.dynamic_plant import DynamicPlant
 from drake_shared.systems.intention_estimator import IntentionEstimator
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
@@ -188,6 +189,9 @@ class Wiring:
                 "autonomous_command": autonomous,
                 "shared_command": shared,
             }
+            if isinstance(robot, Arm):
+                # A disc at the tip would hide what it is moved to.
+                del shown["human_weight"]
             self._add_visualizers(
                 meshcat, scene_graph, plant, shown if systems.get("show_intention", True) else {}
             )
@@ -277,7 +281,8 @@ class Wiring:
         if plant is not None:
             return plant
         if isinstance(robot, Arm):
-            return ArmPlant(
+            kind = ArmPlant if scenario.plant == "kinematic" else DynamicArmPlant
+            return kind(
                 robot=robot,
                 scene_graph=scene_graph,
                 period=self._period,

@@ -16,6 +16,7 @@ from drake_shared.robots import Robot, check_robot, scaled_length
 from drake_shared.systems.discrete_update import check_positive
 from drake_shared.systems.intention import Intention, empty_intention
 from drake_shared.systems.route_ribbons import Ribbon, route_ribbons
+from drake_shared.systems.strip_mesh import strip_mesh
 
 HUMAN_COLOR = (0.96, 0.64, 0.0)
 AGENT_COLOR = (0.16, 0.47, 0.93)
@@ -201,16 +202,10 @@ class IntentionVisualizer(LeafSystem):
         # Vertices are single precision: they are relative to the start, far from the origin as near it.
         origin = at[0].copy()
         at -= origin
-        tangent = np.gradient(at[:, :2], axis=0)
-        tangent /= np.maximum(np.linalg.norm(tangent, axis=-1, keepdims=True), 1e-9)
-        side = np.zeros_like(at)
-        side[:, 0], side[:, 1] = -tangent[:, 1] * half_width, tangent[:, 0] * half_width
-        vertices = np.stack([at + side, at - side], axis=1).reshape(-1, 3)
-        first = 2 * np.flatnonzero(np.ones(len(at) - 1, bool) if known is None else known[1:] & known[:-1])
-        faces = np.concatenate([[first, first + 1, first + 2], [first + 1, first + 3, first + 2]], axis=1)
+        vertices, faces = strip_mesh(at, half_width, known)
         path = f"{self._prefix}/{name}"
-        colors = np.repeat(np.reshape(color, (3, 1)), len(vertices), axis=1)
-        self._meshcat.SetTriangleColorMesh(path, vertices.T, faces.astype(np.int32), colors)
+        colors = np.repeat(np.reshape(color, (3, 1)), vertices.shape[1], axis=1)
+        self._meshcat.SetTriangleColorMesh(path, vertices, faces, colors)
         self._meshcat.SetTransform(path, RigidTransform(origin))
 
     def _show(self, name: str, visible: bool) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -51,6 +51,10 @@ class MouseSample:
     """Deflection that keys or a gamepad add forward, in [-1, 1]."""
     turn: float = 0.0
     """Deflection that keys or a gamepad add to the left, in [-1, 1]."""
+    up: float = 0.0
+    """Deflection that wheel and keys give upward, in [-1, 1]; for an arm."""
+    vertical: bool = False
+    """Whether the stick moves up and sideways rather than forward and sideways; for an arm."""
     arrival: float = -math.inf
     """Time of arrival, in [s], by the clock given to MouseInput."""
     stick: StickSettings = StickSettings()
@@ -113,7 +117,7 @@ class MouseInput(LeafSystem):
         InputError: A number is not positive and finite, or ``robot`` is not a Robot.
     """
 
-    log_columns: ClassVar[dict[str, tuple[str, ...]]] = {
+    log_columns: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "mouse": ("mouse_x", "mouse_y", "mouse_age", "stick_forward", "stick_left", "engaged")
     }
     """Output ports that are logged beside the command, and the names of their columns."""
@@ -156,7 +160,7 @@ class MouseInput(LeafSystem):
         self._memory = self.DeclareDiscreteState(np.array([_NO_ENGAGEMENT, 0.0, 0.0, 0.0, 0.0, 0.0]))
         # Time since the last event, and the deflections by keys or gamepad past the dead zone then.
         self._idle = self.DeclareDiscreteState(np.array([math.inf]))
-        self._held = self.DeclareDiscreteState(2)
+        self._held = self.DeclareDiscreteState(3)
         self._command_port = self.DeclareStateOutputPort("human_command", self._command)
         self.DeclareStateOutputPort("mouse", self._mouse)
         self._idle_port = self.DeclareStateOutputPort("idle_time", self._idle)
@@ -183,26 +187,28 @@ class MouseInput(LeafSystem):
     def _update(self, context: Context, state: DiscreteValues) -> None:
         sample = self._source.latest()
         age = min(max(self._clock() - sample.arrival, 0.0), _OLDEST)
-        numbers = (sample.x, sample.y, sample.forward, sample.turn)
+        numbers = (sample.x, sample.y, sample.forward, sample.turn, sample.up)
         if not all(map(math.isfinite, numbers)):
             # A NaN would stay in the stick forever.
-            sample = dataclasses.replace(sample, engaged=False, x=0.0, y=0.0, forward=0.0, turn=0.0)
+            sample = dataclasses.replace(sample, engaged=False, x=0.0, y=0.0, forward=0.0, turn=0.0, up=0.0)
         stick = self._moved_stick(context, sample) if sample.engaged else (0.0, 0.0)
         drives = sample.engaged and not sample.braking and age <= self._stale_after
         forward = _clip(stick[0] + sample.forward) if drives else 0.0
         left = _clip(stick[1] + sample.turn) if drives else 0.0
         dead_zone = sample.stick.dead_zone
-        command = self._robot.stick_command(
-            _past_dead_zone(forward, dead_zone),
-            _past_dead_zone(left, dead_zone),
-            max_speed=self._max_speed,
-            max_yaw_rate=self._max_yaw_rate,
-        )
+        deflections = (forward, left, sample.up if drives else 0.0)
+        command = self._command_of(sample, *(_past_dead_zone(value, dead_zone) for value in deflections))
         state.set_value(self._command, command)
         state.set_value(self._mouse, [sample.x, sample.y, age, forward, left, float(sample.engaged)])
         state.set_value(self._memory, [sample.engagement, sample.x, sample.y, *stick, sample.centrings])
         state.set_value(self._idle, [self._idle_time(context, sample)])
         state.set_value(self._held, _deflected(sample))
+
+    def _command_of(self, sample: MouseSample, forward: float, left: float, up: float) -> tuple[float, ...]:
+        """The command (M,) of deflections past the dead zone; ``up`` and planes are those of a subclass."""
+        return self._robot.stick_command(
+            forward, left, max_speed=self._max_speed, max_yaw_rate=self._max_yaw_rate
+        )
 
     def _idle_time(self, context: Context, sample: MouseSample) -> float:
         """Time since the last event, in [s], this sample included."""
@@ -240,8 +246,9 @@ def _clip(deflection: float) -> float:
 
 
 def _deflected(sample: MouseSample) -> list[float]:
-    """Deflections by keys or gamepad, forward and to the left, past the dead zone."""
-    return [_past_dead_zone(value, sample.stick.dead_zone) for value in (sample.forward, sample.turn)]
+    """Deflections by keys, gamepad or wheel, forward, to the left and up, past the dead zone."""
+    values = (sample.forward, sample.turn, sample.up)
+    return [_past_dead_zone(value, sample.stick.dead_zone) for value in values]
 
 
 def _past_dead_zone(deflection: float, dead_zone: float) -> float:

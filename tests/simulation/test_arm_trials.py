@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from drake_shared.analysis.metrics import metrics
+from drake_shared.arbitration.authority import Authority
+from drake_shared.common.files import models_directory
+from drake_shared.demonstrations import read_demonstrations
+from drake_shared.learners import load_learner
 from drake_shared.operators.named import ARM_OPERATORS, OPERATORS, operators_for
 from drake_shared.scenario import load_scenario
-from drake_shared.simulation.config import SharedControlConfig
+from drake_shared.simulation.config import SharedControlConfig, config_for_robot
 from drake_shared.simulation.log import read_log, write_log
 from drake_shared.simulation.trial import Simulation, TrialSettings
 
@@ -74,3 +78,35 @@ def test_each_robot_has_operators_of_its_own():
     assert operators_for(CUPS.robot) is ARM_OPERATORS
     assert operators_for(load_scenario().robot) is OPERATORS
     assert not set(ARM_OPERATORS) & set(OPERATORS)
+
+
+@pytest.mark.parametrize("route", ["left", "right"])
+def test_the_shipped_learner_is_sure_after_the_fork_alone(route):
+    """Standard deviations above the fork are at least five times those below it."""
+    learner = load_learner("table_three_cups")
+    demonstrations = read_demonstrations(models_directory() / "demonstrations" / "table_three_cups.parquet")
+    item = next(item for item in demonstrations if item.provenance["route"] == route)
+
+    def sigma(height: float) -> float:
+        row = int(np.argmax(item.positions[:, 2] < height))
+        later = learner.grid[learner.grid > item.times[row]]
+        _, variance = learner.predict(item.times[row : row + 1], item.positions[row : row + 1], later)
+        return float(np.sqrt(variance.mean()))
+
+    assert min(map(sigma, (0.58, 0.52, 0.46))) > 5.0 * max(map(sigma, (0.33, 0.28, 0.22)))
+
+
+def test_shared_control_brings_an_unsteady_operator_to_the_right_cup():
+    shared = Simulation(CUPS, learner=load_learner("table_three_cups"))
+    assert shared.config.authority.conflict_angle > 1.0
+    behaviour = ARM_OPERATORS["unsteady"].behaviour
+    for index, route in enumerate(("left", "over", "right")):
+        trial = shared.run(TrialSettings(route=route, seed=100 + index, behaviour=behaviour))
+        assert metrics(trial)["intent_success"]
+        assert trial.metadata["config"]["authority"]["conflict_angle"] > 1.0
+
+
+def test_an_authority_that_is_given_is_kept():
+    config = SharedControlConfig(authority=Authority(conflict_angle=0.7))
+    assert config_for_robot(config, CUPS.robot) == config
+    assert config_for_robot(SharedControlConfig(), load_scenario().robot) == SharedControlConfig()

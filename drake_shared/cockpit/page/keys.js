@@ -1,4 +1,5 @@
-// The keys that drive, by their position on the keyboard: arrows, WASD and the numeric keypad.
+// The keys that drive, by their position on the keyboard: arrows, WASD and the numeric keypad; E and Q lift and
+// lower the tip of an arm.
 
 const KEYS = {
   ArrowUp: ["forward", 1],
@@ -13,6 +14,10 @@ const KEYS = {
   ArrowRight: ["turn", -1],
   KeyD: ["turn", -1],
   Numpad6: ["turn", -1],
+  KeyE: ["up", 1],
+  PageUp: ["up", 1],
+  KeyQ: ["up", -1],
+  PageDown: ["up", -1],
 };
 const META = ["MetaLeft", "MetaRight", "OSLeft", "OSRight"];
 

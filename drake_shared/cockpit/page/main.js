@@ -6,6 +6,7 @@ import { Feedback } from "./feedback.js";
 import { FlatScene } from "./flat_scene.js";
 import { History } from "./history.js";
 import { Intro } from "./intro.js";
+import { Lift } from "./lift.js";
 import { Mouse } from "./mouse.js";
 import { Panel } from "./panel.js";
 import { showResult } from "./review.js";
@@ -34,6 +35,7 @@ const intro = new Intro();
 const tabs = new Tabs(at("tabs"), document.querySelectorAll("[role=tabpanel]"));
 const mouse = new Mouse(at("mouse-area"));
 const axes = new Axes();
+const lift = new Lift(at("mouse-area"));
 const feedback = new Feedback();
 const touch = new TouchStick(at("touch-stick"));
 const connection = new Connection("/drive");
@@ -50,6 +52,9 @@ tabs.setAvailable("panel-history", false);
 
 function sendMove() {
   connection.send({ type: "move", x: mouse.x, y: mouse.y, forward: axes.forward, turn: axes.turn });
+  if (!task?.arm) return;
+  lift.send(axes.up, (message) => connection.send(message));
+  at("plane").textContent = lift.describe();
 }
 
 async function engage(event) {
@@ -61,6 +66,7 @@ async function engage(event) {
   touch.show(byTouch);
   if (!byTouch) await mouse.capture();
   axes.start();
+  if (task?.arm) lift.start();
   scene.setDriving(true);
   engaged = true;
   connection.send({ type: "engage" });
@@ -71,6 +77,7 @@ function release() {
   engaged = false;
   feedback.stop();
   axes.stop();
+  lift.stop();
   touch.show(false);
   mouse.release();
   scene.setDriving(false);
@@ -86,6 +93,7 @@ function pause() {
 }
 
 function recentre() {
+  lift.recentre();
   if (engaged) connection.send({ type: "recentre" });
 }
 
@@ -93,6 +101,7 @@ panel.onDrive = (event) => (engaged ? release() : engage(event));
 mouse.onMove = () => engaged && sendMove();
 mouse.onRelease = release;
 axes.onChange = () => engaged && sendMove();
+lift.onChange = () => engaged && sendMove();
 axes.onEscape = release;
 axes.onKey = (code) => ({ KeyP: pause, KeyC: recentre })[code]?.();
 touch.onChange = () => {
@@ -123,6 +132,9 @@ connection.on("scene", (message) => {
   task = message;
   document.title = `drake_shared: ${message.scenario}`;
   scene.setTask(message);
+  at("plane").hidden = !message.arm;
+  at("plane").textContent = lift.describe();
+  at("second-unit").textContent = message.arm ? "m/s" : "rad/s";
   panel.setScene(message);
   feedback.setScene(message);
   settings.setScene(message);

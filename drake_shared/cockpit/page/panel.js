@@ -152,7 +152,7 @@ export class Panel {
       const [speed, yawRate] = this.#rows[name];
       speed.textContent = twist ? twist.speed.toFixed(2) : "–";
       yawRate.textContent = twist ? twist.yawRate.toFixed(2) : "–";
-      points[name] = twist && [-twist.yawRate / this.#scene.max_yaw_rate, -twist.speed / this.#scene.max_speed];
+      points[name] = twist && [-twist.yawRate / this.#scene[this.#scene.arm ? "max_speed" : "max_yaw_rate"], -twist.speed / this.#scene.max_speed];
     }
     this.#commands.show(points);
     this.#stick.show(now.stick);
@@ -160,6 +160,7 @@ export class Panel {
 
   #twist([left, right]) {
     if (left === null || right === null) return null;
+    if (this.#scene.arm) return { speed: left, yawRate: right }; // Along x and y, in m/s.
     const { wheel_radius: radius, track } = this.#scene;
     return { speed: (radius / 2) * (left + right), yawRate: (radius / track) * (right - left) };
   }
@@ -188,6 +189,7 @@ export class Panel {
   #hint(phase) {
     if (!this.#scene?.driven) return "A simulated operator drives the routes one after another.";
     if (this.mine || RUNNING.includes(phase)) return "";
+    if (this.#scene?.arm) return "Mouse: away and sideways. Wheel, or E and Q: up and down. A click switches planes.";
     return "Mouse: away is forward, sideways turns. Arrow keys, WASD, gamepad and touch work too.";
   }
 

@@ -44,6 +44,7 @@ export class Scene {
   #task = null;
   #pose = null; // of the robot, if it is known: [x, y, yaw]
   #throttle;
+  #markView = () => {};
 
   constructor(viewer, pane) {
     this.#viewer = viewer;
@@ -90,6 +91,7 @@ export class Scene {
     for (const part of [this.#floor, this.#robot, this.#routes, this.#trail, this.#views]) part.setTask(this.#task);
     this.#pose = null;
     this.#throttle.refresh();
+    this.#markView();
   }
 
   setRoutes({ routes }) {
@@ -153,6 +155,7 @@ export class Scene {
       });
     }
     mark();
+    this.#markView = mark;
     const theme = bar.querySelector(".scene-theme");
     theme.addEventListener("click", () => this.#theme.toggle());
     this.#theme.onChange(() => theme.setAttribute("aria-pressed", String(this.#theme.name === "dark")));

@@ -96,6 +96,7 @@ export class RobotMarks {
   #rollout([left, right]) {
     if (left === null || right === null) return null;
     const { wheelRadius, track, unit, move } = this.#task;
+    if (this.#task.arm) return null; // Meshcat draws them at the tip.
     const speed = (wheelRadius / 2) * (left + right);
     const yawRate = (wheelRadius / track) * (right - left);
     if (Math.abs(speed) * TIME < LEAST_ARC * unit) return null;

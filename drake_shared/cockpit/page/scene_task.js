@@ -35,6 +35,7 @@ export function localTask(message) {
     robotRadius: message.robot_radius,
     wheelRadius: message.wheel_radius,
     track: message.track,
+    arm: message.arm ?? false,
   };
 }
 

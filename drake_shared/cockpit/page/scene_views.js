@@ -40,9 +40,11 @@ export class Views {
   }
 
   setTask(task) {
+    // What is above what shows from an angle only.
+    const turned = task.arm && !this.#task?.arm && this.name === "above";
     this.#task = task;
     this.#followed = null;
-    this.choose(this.name);
+    this.choose(turned ? "free" : this.name);
   }
 
   choose(name) {
