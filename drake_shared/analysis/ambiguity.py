@@ -18,7 +18,8 @@ from scipy.spatial import cKDTree
 from scipy.stats import rankdata
 
 from drake_shared.demonstrations import ProgressClock
-from drake_shared.scenario import Scenario
+from drake_shared.robots import Arm, scaled_length
+from drake_shared.scenario import Route, Scenario
 from drake_shared.simulation.trial import Trial
 
 TOGETHER = 0.15
@@ -96,27 +97,36 @@ def undecided(trial: Trial, scenario: Scenario) -> NDArray[np.bool_]:
     """Whether the operator's route is still open at each applied step of ``trial``: shape (n,).
 
     It is open where another route runs within 0.15 m of the robot and passes an obstacle that the operator's
-    own route has not passed on the other side. Every step is one or the other.
+    own route has not passed on the other side; for an arm, where a route to another goal runs within 5 cm of
+    the tip. Every step is one or the other.
 
     Args:
         trial: A log with the route of the operator.
         scenario: Its routes need not have been demonstrated.
     """
     own = scenario.route(trial.metadata["route"])
+    if isinstance(scenario.robot, Arm):
+        return _undecided_goals(trial, scenario, own)
     positions = trial.positions[:-1, :2]
-    curve = scenario.path_of(own)
-    path = curve.position(np.linspace(0.0, curve.length, _POINTS))
+    path = scenario.points_of(own, _POINTS)
     # The farthest point so far: an operator who swerves does not lose progress.
     reached = np.maximum.accumulate(cKDTree(path).query(positions)[1])
     open_ = np.zeros(len(positions), dtype=bool)
     for route in scenario.routes:
-        other = scenario.path_of(route)
-        near = cKDTree(other.position(np.linspace(0.0, other.length, _POINTS))).query(positions)[0] < TOGETHER
+        near = cKDTree(scenario.points_of(route, _POINTS)).query(positions)[0] < TOGETHER
         for item in scenario.static_obstacles:
             if route.sides.get(item.name) != own.sides.get(item.name):
                 ahead = reached < cKDTree(path).query([item.x, item.y])[1]
                 open_ |= near & ahead
     return open_
+
+
+def _undecided_goals(trial: Trial, scenario: Scenario, own: Route) -> NDArray[np.bool_]:
+    positions = trial.positions[:-1]
+    together = scaled_length(scenario.robot, TOGETHER)
+    others = [route for route in scenario.routes if scenario.goal_of(route) is not scenario.goal_of(own)]
+    near = [cKDTree(scenario.points_of(route, _POINTS)).query(positions)[0] < together for route in others]
+    return np.any(near, axis=0) if near else np.zeros(len(positions), dtype=bool)
 
 
 def area_under_curve(high: NDArray[np.float64], low: NDArray[np.float64]) -> float:

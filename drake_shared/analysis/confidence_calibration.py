@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from drake_shared.analysis.ambiguity import area_under_curve
 from drake_shared.learners import Learner
+from drake_shared.robots import Arm, scaled_length
 from drake_shared.scenario import Scenario, scenario_from_dict
 from drake_shared.scenario.paths import passing_side
 from drake_shared.simulation.trial import Trial
@@ -42,9 +43,18 @@ class ConfidenceSteps:
 
 
 def demonstrations_of_routes(scenario: Scenario, learner: Learner) -> dict[str, int]:
-    """For each demonstrated route, the index of the first demonstration that passes obstacles alike."""
+    """For each demonstrated route, the index of the first demonstration that passes obstacles alike.
+
+    For an arm, of the first one that ends nearest to the goal of the route.
+    """
     found: dict[str, int] = {}
     for index, path in enumerate(() if learner.demonstrations is None else learner.demonstrations):
+        if isinstance(scenario.robot, Arm):
+            goal = scenario.goal_at(path[-1])
+            for route in scenario.routes:
+                if scenario.goal_of(route) is goal:
+                    found.setdefault(route.name, index)
+            continue
         sides = {item.name: passing_side(path, (item.x, item.y)) for item in scenario.static_obstacles}
         for route in scenario.routes:
             if route.sides == sides:
@@ -53,7 +63,7 @@ def demonstrations_of_routes(scenario: Scenario, learner: Learner) -> dict[str, 
 
 
 def intended_path(scenario: Scenario, learner: Learner, route: str) -> NDArray[np.float64]:
-    """The path (n, 2), in [m], that an operator on a route follows, to judge predictions by.
+    """The path (n, D), in [m], that an operator on a route follows, to judge predictions by.
 
     It is the demonstration of the route, or, if the learner was shown none, the curve of the route itself.
     """
@@ -61,8 +71,7 @@ def intended_path(scenario: Scenario, learner: Learner, route: str) -> NDArray[n
     if route in taught and learner.demonstrations is not None:
         demonstration: NDArray[np.float64] = learner.demonstrations[taught[route]]
         return demonstration
-    curve = scenario.path_of(scenario.route(route))
-    return curve.position(np.linspace(0.0, curve.length, 501))
+    return scenario.points_of(scenario.route(route), 501)
 
 
 def assess_confidence(
@@ -80,12 +89,14 @@ def assess_confidence(
         every: Distance between the assessed steps.
     """
     path = cKDTree(intended)
+    # Three coordinates are those of an arm's tip, which is smaller than a robot on a floor.
+    same = _SAME_ROUTE if intended.shape[1] == 2 else scaled_length(Arm(), _SAME_ROUTE)
     correct = []
     for intention, _ in itertools.islice(predictions(learner, trial), 0, None, every):
         predicted = intention.mean[intention.first :]
         # Without a pose nothing is predicted.
         known = bool(np.isfinite(predicted).all())
-        correct.append(known and math.sqrt(np.mean(path.query(predicted)[0] ** 2)) < _SAME_ROUTE)
+        correct.append(known and math.sqrt(np.mean(path.query(predicted)[0] ** 2)) < same)
     return ConfidenceSteps(confidence=trial["confidence"][:-1][::every], correct=np.array(correct))
 
 

@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_shared.robots import Arm
 from drake_shared.scenario import Scenario
-from drake_shared.scenario.space_path import SpacePath
 
 _ROUTE_POINTS = 40
 _PATH_POINTS = 300
@@ -18,11 +16,7 @@ def describe_instructed_routes(scenario: Scenario) -> list[dict[str, Any]]:
     """Returns ``name`` and ``path`` [[x, y], ...] of each route, in [m], world frame."""
     described = []
     for route in scenario.routes:
-        if isinstance(scenario.robot, Arm):
-            points = SpacePath(route.waypoints).points[:, :2]
-        else:
-            path = route.path(scenario.start)
-            points = path.position(np.linspace(0.0, path.length, _ROUTE_POINTS))
+        points = scenario.points_of(route, _ROUTE_POINTS)[:, :2]
         described.append({"name": route.name, "path": thinned(points, _ROUTE_POINTS)})
     return described
 

@@ -12,6 +12,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.robots import Arm, DiffDrive, scaled_length
 from drake_shared.scenario.obstacles import Box, Circle, ObstacleDistance
 from drake_shared.scenario.paths import SPACING, Path as RoutePath
+from drake_shared.scenario.space_path import SpacePath
 
 # yaml_load_typed builds every object from its defaults. A field that must be given starts as NaN, which the
 # check for finite numbers refuses.
@@ -175,6 +176,13 @@ class Scenario:
         """The goal nearest to a position, with x and y first, in [m]."""
         x, y, *_ = position
         return min(self.all_goals, key=lambda goal: math.dist((goal.x, goal.y), (x, y)))
+
+    def points_of(self, route: Route, count: int) -> NDArray[np.float64]:
+        """Points (count, D), in [m], at equal distances along the curve of ``route``."""
+        if isinstance(self.robot, Arm):
+            return SpacePath(route.waypoints).positions(count)
+        path = self.path_of(route)
+        return path.position(np.linspace(0.0, path.length, count))
 
     def route(self, name: str) -> Route:
         """The route of that name.

@@ -38,6 +38,11 @@ class SpacePath:
         position: Floats = self.points[self._index(arc_length)]
         return position
 
+    def positions(self, count: int) -> Floats:
+        """Shape (count, D), in [m]: points at equal distances along the curve."""
+        index, wanted = np.arange(_POINTS), np.linspace(0.0, _POINTS - 1.0, count)
+        return np.stack([np.interp(wanted, index, axis) for axis in self.points.T], axis=-1)
+
     def nearest(self, position: Floats, *, between: tuple[float, float]) -> float:
         """Arc length, in [m], of the point nearest to ``position`` (D,), within an interval of arc
         lengths."""
