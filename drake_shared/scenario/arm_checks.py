@@ -150,6 +150,10 @@ def _check_route(
     outside = ((positions < low) | (positions > high)).any(axis=1)
     if outside.any():
         raise InputError(source, field, "must stay inside the workspace", _text(positions[outside][0]))
+    for other in scenario.all_goals:
+        near = np.linalg.norm(positions - other.position(("x", "y", "z")), axis=1).min()
+        if other is not scenario.goal_of(route) and near <= other.radius:
+            raise InputError(source, field, f"must not lead through another goal, {other.name}")
     inside = ObstacleDistance(scenario.static_obstacles)(positions)
     if (inside <= 0.0).any():
         raise InputError(

@@ -67,6 +67,7 @@ def test_a_distance_out_of_reach_is_that_of_a_straight_arm():
             "[[0.4, 0.0, 0.5], [0.4, 0.0, 0.43], [0.54",
             "routes: over",
         ),
+        ("[0.5, 0.25, 0.3], ", "[0.66, -0.27, 0.15], ", "routes: left"),
         ("height: 0.3", "height: -0.3", "obstacles[1].height"),
     ],
 )
@@ -79,6 +80,18 @@ def test_a_task_that_the_arm_cannot_do_is_refused(tmp_path, old, new, field):
     assert caught.value.field == field
     assert Path(caught.value.source) == file
     assert "\n" not in str(caught.value)
+
+
+def test_the_targets_of_fitts_are_at_three_distances_and_of_two_sizes():
+    scenario = load_scenario("table_fitts")
+    start = np.array(scenario.routes[0].waypoints[0])
+    targets = [scenario.goal_of(route) for route in scenario.routes]
+    difficulties = [
+        np.log2(np.linalg.norm(start - [goal.x, goal.y, goal.z]) / (2 * goal.radius) + 1) for goal in targets
+    ]
+    assert len({goal.radius for goal in targets}) == 2
+    assert len(targets) == len(set(np.round(difficulties, 2))) == 6
+    assert max(difficulties) > 2 * min(difficulties)
 
 
 def test_what_needs_wheels_says_so():
