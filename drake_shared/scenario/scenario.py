@@ -165,8 +165,8 @@ class Scenario:
         return round(self.duration / self.control_period)
 
     def path_of(self, route: Route) -> RoutePath:
-        """The curve of ``route``, with points as close as suits the size of the robot."""
-        return route.path(self.start, spacing=scaled_length(self.robot, SPACING))
+        """The curve of ``route``, of a differential drive, with points as close as suits its size."""
+        return route.path(self.start, spacing=scaled_length(self.diff_drive, SPACING))
 
     def goal_of(self, route: Route) -> Goal:
         """The goal to which ``route`` leads: the one nearest to its last waypoint."""

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from drake_shared.analysis.replay import write_replay
+from drake_shared.analysis.viewer import Catalogue
+from drake_shared.analysis.viewer.details import details
 from drake_shared.scenario import load_scenario
 from drake_shared.scenario.space_path import SpacePath
-from drake_shared.simulation.trial import Simulation, TrialSettings
+from drake_shared.simulation.trial import Simulation, TrialSettings, write_log
 from drake_shared.systems.strip_mesh import strip_mesh
 
 CUPS = load_scenario("table_three_cups")
@@ -51,3 +53,13 @@ def test_no_strip_is_drawn_where_nothing_is_known():
     known = np.arange(11) < 6
     _, faces = strip_mesh(center, np.full(11, 0.1), known)
     assert faces.max() == 2 * 5 + 1
+
+
+def test_show_draws_the_log_from_above(tmp_path):
+    trial = Simulation(CUPS).run(TrialSettings(route="over"))
+    write_log(trial, tmp_path / "log.parquet")
+    catalogue = Catalogue(tmp_path)
+    (entry,) = catalogue.read()
+    scene = details(entry)["scene"]
+    assert [route["name"] for route in scene["routes"]] == ["left", "over", "right"]
+    assert "table" not in [item["name"] for item in scene["obstacles"]]

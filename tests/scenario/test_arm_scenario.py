@@ -96,6 +96,6 @@ def test_the_targets_of_fitts_are_at_three_distances_and_of_two_sizes():
 
 def test_what_needs_wheels_says_so():
     with pytest.raises(InputError) as caught:
-        _ = CUPS.diff_drive
+        CUPS.path_of(CUPS.routes[0])
     assert caught.value.field == "robot"
     assert isinstance(load_scenario().diff_drive, DiffDrive)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from drake_shared.analysis.glossary import OF_TRIALS
 from drake_shared.analysis.metrics import metrics
-from drake_shared.analysis.scene_data import describe_goals
+from drake_shared.analysis.scene_data import describe_goals, describe_task
 from drake_shared.analysis.viewer.catalogue import Entry
 from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import Demonstration, read_demonstrations
@@ -115,22 +115,22 @@ def _scene(data: Mapping[str, Any]) -> dict[str, Any]:
         return {}
     space = scenario.workspace
     obstacles = []
-    for item in scenario.obstacles:
+    task = describe_task(scenario)
+    shown = {item["name"] for item in task["obstacles"]}
+    for item in (item for item in scenario.obstacles if item.name in shown):
         shape: dict[str, Any] = {"x": item.x, "y": item.y, "name": item.name, "moves": bool(item.path)}
         obstacles.append(shape | item.sizes() | {"yaw": item.yaw_angle()})
     routes = []
     for route in scenario.routes:
-        path = scenario.path_of(route)
-        routes.append(
-            {"name": route.name, "path": np.round(path.position(np.linspace(0, path.length, 80)), 4).tolist()}
-        )
+        points = scenario.points_of(route, 80)[:, :2]
+        routes.append({"name": route.name, "path": np.round(points, 4).tolist()})
     return {
         "name": scenario.name,
         "workspace": [space.x_min, space.x_max, space.y_min, space.y_max],
         "obstacles": obstacles,
-        "start": [scenario.start.x, scenario.start.y, scenario.start.yaw],
+        "start": task["start"],
         "goals": describe_goals(scenario),
-        "robot": scenario.diff_drive.footprint_radius,
+        "robot": task["robot_radius"],
         "routes": routes,
     }
 
