@@ -199,7 +199,8 @@ def _draw_map(place: Any, cells: Rows, bound: float, sign: float) -> Any:
         place.text(
             x,
             y,
-            f"{number(cell['difference'])}\n({number(cell['alone'])})",
+            # Differences that cancel out leave rounding errors.
+            f"{number(round(cell['difference'], 9) + 0.0)}\n({number(cell['alone'])})",
             ha="center",
             va="center",
             fontsize=7,
