@@ -205,6 +205,7 @@ def test_the_metadata_says_all_that_matters_and_is_json(simulation, scenario):
         "z": 0.0,
         "height": 0.0,
         "path": [],
+        "mapped": True,
     }
     assert (told["learner"], told["preset"], told["learner_id"]) == ("fake", "test", "fake")
     assert (told["operator"], told["mode"], told["route"]) == ("SurrogateOperator", "human", "left_left")
