@@ -72,8 +72,7 @@ def picture(rows: Rows) -> Picture:
     lines = -(-len(cells) // _COLUMNS)
     height = lines * (0.7 + 0.19 * len(arbiters))
     figure, axes = new_figure(height, rows=lines, columns=_COLUMNS, sharey=True, squeeze=False)
-    for line in axes:
-        label_lines(line[0], arbiters)
+    label_lines(axes[0, 0], arbiters)
     for place, cell in itertools.zip_longest(axes.flat, cells):
         if cell is None:
             place.set_visible(False)
