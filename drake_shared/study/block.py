@@ -125,7 +125,8 @@ def run_block(folder: str, participant: str, *, host: str, ping: float, back: st
         on_trial=on_trial,
     ) as session:
         session.server.publish("study", _announcement(data, first, None))
-        pipe.send(session.server.address)
+        with contextlib.suppress(OSError):  # The server has ended meanwhile.
+            pipe.send(session.server.address)
         session.run()
 
 

@@ -122,9 +122,9 @@ class StudyServer:
             started()
             await asyncio.Event().wait()
         finally:
+            await runner.cleanup()
             for seat in self._seats.values():
                 await asyncio.to_thread(seat.stop)
-            await runner.cleanup()
 
     async def _file(self, name: str, request: web.Request) -> web.StreamResponse:
         self._who(request)

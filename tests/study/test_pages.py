@@ -20,7 +20,7 @@ from drake_shared.study.protocol import plan
 from drake_shared.study.server import StudyServer
 from drake_shared.study.store import StudyData
 
-PATIENCE = 60.0
+PATIENCE = 240.0  # Simulations start in processes of their own, which a loaded machine does slowly.
 SHORT = """
 name: short
 duration: 10.0
