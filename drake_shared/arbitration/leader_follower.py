@@ -18,6 +18,9 @@ from drake_shared.arbitration.rule import ArbiterInputs, State
 
 Floats = NDArray[np.float64]
 
+# Of a follower, relative to the leader.
+_FASTEST = 2.0
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LeaderFollower:
@@ -42,7 +45,9 @@ class LeaderFollower:
         leader, follower = inputs.human, inputs.autonomous
         if not self.human_leads:
             leader, follower = follower, leader
-        own, other = self._pace(leader), self._pace(follower)
+        own = self._pace(leader)
+        # What is hardly a command has no direction to go along with.
+        other = np.minimum(self._pace(follower), _FASTEST * own)
         pace = (1.0 - self.share) * own + self.share * other
         command = leader * (pace / np.where(own > 0.0, own, 1.0))
         weight = 1.0 - self.share if self.human_leads else self.share

@@ -19,7 +19,7 @@ class Benchmark(Command):
     out: OptionalPath = None
     """Folder for benchmark.json and benchmark.png; default: the results are only printed."""
     only: tuple[str, ...] = ()
-    """Which groups: predict, trial, training, together, batch, lockstep, many, growth, safety;
+    """Which groups: predict, trial, training, together, batch, lockstep, many, growth, safety, arbiters;
     default: all."""
     quick: bool = False
     """Rough results within a minute or two instead of half an hour."""

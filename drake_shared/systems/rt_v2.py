@@ -20,8 +20,9 @@ from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.discrete_update import check_positive
 from drake_shared.systems.intention import Intention
 
-# Distance beyond the body at which an obstacle begins to cost, in [m].
-_NEAR = 0.3
+# Distance beyond the body at which an obstacle begins to cost, in [m]. The published cost is of a world ten
+# times as large: from further away it would outweigh what the driver wants.
+_NEAR = 0.05
 
 
 class RobotTrajectron(Arbiter):
@@ -54,6 +55,8 @@ class RobotTrajectron(Arbiter):
         scenario: Its static obstacles are known.
         look_ahead: In [s].
         command_variance: Of the noise of the driver's velocity, in [m^2/s^2].
+        least_variance: Of the velocity of a mode, in [m^2/s^2]. A narrow mode would be as unlikely as all
+            others, whatever the driver does.
         robot, period, driver: See :class:`~drake_shared.systems.arbiter.Arbiter`.
 
     Raises:
@@ -66,15 +69,22 @@ class RobotTrajectron(Arbiter):
         scenario: Scenario,
         look_ahead: float = 0.6,
         command_variance: float = COMMAND_VARIANCE,
+        least_variance: float = 0.03,
         robot: Robot | None = None,
         period: float = 0.05,
         driver: str = "shared",
     ) -> None:
         super().__init__(robot=robot, period=period, driver=driver, optional_inputs=("pose", "intention"))
-        check_positive(self, look_ahead=look_ahead, command_variance=command_variance)
+        check_positive(
+            self,
+            look_ahead=look_ahead,
+            command_variance=command_variance,
+            least_variance=least_variance,
+        )
         if not isinstance(self.robot, DiffDrive):
             raise InputError("RobotTrajectron", "robot", "must be a differential drive")
         self._look_ahead, self._command_variance = float(look_ahead), float(command_variance)
+        self._least_variance = float(least_variance)
         self._contact = self.robot.footprint_radius
         self._distance = PlanarDistance(scenario.static_obstacles)
         self._step_cache = self.DeclareCacheEntry(
@@ -83,8 +93,12 @@ class RobotTrajectron(Arbiter):
 
     @property
     def configuration(self) -> dict[str, Any]:
-        """Look-ahead and variance of the command."""
-        return {"look_ahead": self._look_ahead, "command_variance": self._command_variance}
+        """Look-ahead and variances."""
+        return {
+            "look_ahead": self._look_ahead,
+            "command_variance": self._command_variance,
+            "least_variance": self._least_variance,
+        }
 
     def SetLearner(self, context: Context, learner: Learner) -> None:
         """Checks the learner of a trial.
@@ -134,7 +148,7 @@ class RobotTrajectron(Arbiter):
         probability, velocity, gain = corrected_modes(
             modes.probability[known, None],
             ((modes.mean[known, entry] - here) / time)[..., None],
-            (modes.variance[known, entry] / time**2)[..., None],
+            np.maximum(modes.variance[known, entry] / time**2, self._least_variance)[..., None],
             ((led - here) / time)[:, None],
             command_variance=self._command_variance,
         )

@@ -43,7 +43,11 @@ def test_a_driver_is_brought_to_the_goal_and_keeps_a_share(mixture):
     weight = trial["human_weight"]
     assert ((weight >= 0.0) & (weight <= 1.0)).all()
     assert 0.0 < weight.mean() < 1.0
-    assert trial.metadata["arbitration"]["configuration"] == {"look_ahead": 0.6, "command_variance": 0.05}
+    assert trial.metadata["arbitration"]["configuration"] == {
+        "look_ahead": 0.6,
+        "command_variance": 0.05,
+        "least_variance": 0.03,
+    }
 
 
 def test_a_learner_without_modes_is_refused():

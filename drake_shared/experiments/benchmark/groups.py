@@ -26,6 +26,7 @@ GROUPS = {
     "many": "many_trials",
     "growth": "growth",
     "safety": "safety_filter",
+    "arbiters": "arbiters",
 }
 """Names of the groups, in the order in which they run, and their modules."""
 

@@ -31,6 +31,7 @@ def every_group(monkeypatch):
         "many": {},
         "growth": {"curves": [curve]},
         "safety": {},
+        "arbiters": {},
     }
     ratio = Ratio(name="this / that", spread=spread([1.0, 2.0, 3.0]), aim="at most 2", bound="at most")
     results = {
