@@ -6,6 +6,7 @@ import contextlib
 import functools
 import gc
 import os
+import queue
 import signal
 import sys
 import threading
@@ -224,13 +225,24 @@ def _set_on_signals(interrupted: threading.Event) -> Iterator[None]:
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     # One that is ignored stays so: nohup ignores SIGHUP.
     before = {n: handler for n in numbers if (handler := signal.getsignal(n)) is not signal.SIG_IGN}
+    # A handler that set the event itself would wait for ever if it ran while this thread has the event's lock.
+    received: queue.SimpleQueue[bool] = queue.SimpleQueue()
+
+    def relay() -> None:
+        while received.get():
+            interrupted.set()
+
+    relaying = threading.Thread(target=relay, name="signals", daemon=True)
+    relaying.start()
     for number in before:
-        signal.signal(number, lambda *_: interrupted.set())
+        signal.signal(number, lambda *_: received.put(True))
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        received.put(False)
+        relaying.join()
 
 
 def _make_registered(name: str, scenario: Scenario, source: DriverLock) -> LeafSystem:

@@ -1,12 +1,14 @@
 """Ends `drive` and `teach` by mouse at random moments, in every way, and counts what was lost.
 
 Prints a report as JSON. Exit status 1: a trial or demonstration that had ended was lost, or more than the
-last second of one under way.
+last second of one under way, or a program did not end.
 """
 
 from __future__ import annotations
 
+import argparse
 import asyncio
+import collections
 import contextlib
 import json
 import multiprocessing
@@ -28,6 +30,8 @@ from drake_shared.simulation.log import read_log
 SIGNALS = (signal.SIGHUP, signal.SIGTERM, signal.SIGKILL, signal.SIGINT)
 LAST = 1.0
 """What may be missing of the trial under way after SIGKILL, in [s]."""
+PATIENCE = 60.0
+"""Time in [s] that a program may take to start or to end."""
 LONGEST = 6.0
 """The latest moment at which a program is ended, in [s] from the first move."""
 
@@ -59,6 +63,10 @@ class Hands:
         self.moved = asyncio.Event()
         self.time = 0.0
         """Of the trial under way, in [s], as the page last heard it."""
+        self.lost = 0.0
+        """What of it was not recovered, in [s]."""
+        self.stalled = False
+        """Whether the program did not end by itself."""
         self.begun = self.ended = self.reached = 0
         """Number of trials."""
         self._phase = ""
@@ -113,17 +121,23 @@ async def end_at_random(process, reader, chance: random.Random) -> tuple[Hands, 
         address = await asyncio.to_thread(output.readline)
         hands = Hands()
         driving = asyncio.create_task(hands.drive(Visitor(address.strip())))
-        await asyncio.wait_for(hands.moved.wait(), 60)
+        await asyncio.wait_for(hands.moved.wait(), PATIENCE)
         await asyncio.sleep(chance.uniform(0.0, LONGEST))
         number = chance.choice(SIGNALS)
         os.kill(process.pid, number)
-        await asyncio.to_thread(process.join, 60)
-        await driving
+        await asyncio.to_thread(process.join, PATIENCE)
+        if process.is_alive():
+            hands.stalled = True
+            process.kill()
+            await asyncio.to_thread(process.join)
+        await asyncio.wait_for(driving, PATIENCE)
     return hands, number
 
 
 def judge(folder: Path, teaching: bool, hands: Hands, number: signal.Signals) -> list[str]:
     """What was lost."""
+    if hands.stalled:
+        return ["nothing, but the program did not end"]
     recovered = recover_trials(folder)
     if number is not signal.SIGKILL and recovered:
         return [f"nothing, but {recovered[0].name} had to be recovered"]
@@ -140,8 +154,9 @@ def judge(folder: Path, teaching: bool, hands: Hands, number: signal.Signals) ->
         lost.append(f"{ended - kept} trials that had ended")
     if number is signal.SIGKILL and hands.under_way and kept == ended:
         driven = max((float(read_log(path)["t"][-1]) for path in recovered), default=0.0)
-        if hands.time - driven > LAST:
-            lost.append(f"{hands.time - driven:.2f} s of the trial under way")
+        hands.lost = max(hands.time - driven, 0.0)
+        if hands.lost > LAST:
+            lost.append(f"{hands.lost:.2f} s of the trial under way")
     return lost
 
 
@@ -152,7 +167,8 @@ def run(rounds: int, seed: int) -> dict:
     context.set_forkserver_preload(
         ["drake_shared.cli.main", "drake_shared.cli.drive", "drake_shared.cockpit"]
     )
-    broken, ended, begun = [], 0, 0
+    broken, ended, begun, most_lost = [], 0, 0, 0.0
+    signals: collections.Counter[str] = collections.Counter()
     started = time.monotonic()
     for index in range(rounds):
         teaching = bool(index % 2)
@@ -180,8 +196,12 @@ def run(rounds: int, seed: int) -> dict:
             what = f"round {index}, {'teach' if teaching else 'drive'}, {number.name}"
             broken += [f"{what}: lost {lost}" for lost in judge(folder, teaching, hands, number)]
             ended, begun = ended + hands.ended, begun + hands.begun
+            most_lost = max(most_lost, hands.lost)
+            signals[number.name] += 1
     return {
         "rounds": rounds,
+        "signals": dict(signals),
+        "most_lost": round(most_lost, 2),
         "trials_begun": begun,
         "trials_ended": ended,
         "seconds": round(time.monotonic() - started, 1),
@@ -189,11 +209,15 @@ def run(rounds: int, seed: int) -> dict:
     }
 
 
-def main(rounds: str = "200", seed: str = "0") -> int:
-    report = run(int(rounds), int(seed))
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=200, help="how often a program is ended")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    report = run(options.rounds, options.seed)
     print(json.dumps(report, indent=1))
     return int(bool(report["broken"]))
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    sys.exit(main())
