@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydrake.systems.framework import LeafSystem
 
 from drake_shared.analysis.log_folder import (
     LogStore,
@@ -31,6 +32,7 @@ from drake_shared.simulation.lockstep.support import ENGINES, reason_for_drake
 from drake_shared.simulation.runner import Task, run_as_completed
 from drake_shared.simulation.runner.tasks import canonical
 from drake_shared.simulation.trial import Simulation, TrialSettings, read_log
+from drake_shared.systems.operators import make_operator
 from drake_shared.systems.recorded_input import RecordedInput
 
 MOST_PER_LOG = BLOCK
@@ -54,6 +56,7 @@ class Batch:
         switching: Whether the operator changes to another route at ``behaviour.switch_time``; then the trials
             alternate between the possible changes, see `drake_shared.operators.named.changes_of_route`.
         recording: A log whose human commands are played back in place of a simulated operator.
+        operator: Name of a registered operator that drives instead; no route is instructed then.
         out: Folder for the logs; none are written if None.
         trials_per_log: Most trials in one log, from 1 to `MOST_PER_LOG`. A file of several is written many
             times as fast for each, and is read like any log: ``FILE#3`` names its trial 3.
@@ -72,6 +75,7 @@ class Batch:
     behaviour: Behaviour = dataclasses.field(default_factory=Behaviour)
     switching: bool = False
     recording: str | None = None
+    operator: str | None = None
     out: str | None = None
     trials_per_log: int = 1
     engine: str = "auto"
@@ -214,10 +218,14 @@ class _Trials:
         self._batch = batch
         scenario = load_scenario(batch.scenario)
         learner = None if batch.model is None else load_learner(batch.model)
-        self._routes: list[tuple[str, str | None]] = [(route.name, None) for route in scenario.routes]
+        self._routes: list[tuple[str | None, str | None]] = [(route.name, None) for route in scenario.routes]
         if batch.switching:
             self._routes = [(route.name, then.name) for route, then in changes_of_route(scenario)]
-        operator, self._recording, self._recorded_route = None, None, None
+        operator: LeafSystem | None = None
+        self._recording, self._recorded_route = None, None
+        if batch.operator is not None:
+            operator = make_operator(batch.operator, scenario=scenario)
+            self._routes = [(None, None)]
         if batch.recording is not None:
             recorded = read_log(batch.recording)
             # The last row of a log was never applied.

@@ -31,7 +31,8 @@ class Simulate(LearnerOptions):
     operator: str = "surrogate"
     """"surrogate", which the options below describe; a simulated operator by name: primary, noisy, laggy,
     delayed, signal-noise, late-slow, switching, stubborn, yielding, resting, unskilled, or for an arm steady,
-    unsteady, aims-ahead, switches-planes; or a log whose human commands are played back."""
+    unsteady, aims-ahead, switches-planes; a registered one by name; or a log whose human commands are played
+    back."""
     behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
     person: OptionalText = None
     """Name of the driver, whose file (of fit-operator --person) starts the estimate of the noise with
@@ -61,10 +62,12 @@ class Simulate(LearnerOptions):
         from drake_shared.analysis.batch import Batch, run_batch
         from drake_shared.analysis.metrics import summarize
         from drake_shared.scenario import load_scenario
+        from drake_shared.systems.operators import registered_operators
 
         scenario = load_scenario(self.scenario_source())
         self.control.faults.check_duration(scenario.duration)
-        behaviour, switching, recording = self._operator(scenario)
+        registered = self.operator if self.operator in registered_operators() else None
+        behaviour, switching, recording = self._operator(scenario, registered)
         model = self._model(scenario)
         batch = Batch(
             scenario=self.scenario_source(),
@@ -75,6 +78,7 @@ class Simulate(LearnerOptions):
             behaviour=behaviour,
             switching=switching,
             recording=recording,
+            operator=registered,
             out=None if self.out is None else str(self.out),
             trials_per_log=self.trials_per_log,
             engine=self.engine,
@@ -92,25 +96,28 @@ class Simulate(LearnerOptions):
             logs = f"{len(rows)} logs" if self.trials_per_log == 1 else f"logs of {len(rows)} trials"
             say(f"{logs} are in {self.out}" if self.resume else f"wrote {logs} to {self.out}")
 
-    def _operator(self, scenario: Scenario) -> tuple[Behaviour, bool, str | None]:
+    def _operator(self, scenario: Scenario, registered: str | None) -> tuple[Behaviour, bool, str | None]:
         """Behaviour, whether the operator changes route half-way, and the log to play back, if any."""
         from drake_shared.operators.named import operators_for
         from drake_shared.simulation.trial import read_log
+        from drake_shared.systems.operators import registered_operators
 
         operators = operators_for(scenario.robot)
         if self.operator == "surrogate":
             return self.behaviour, False, None
-        if self.operator in operators:
-            named = operators[self.operator]
+        if self.operator in operators or registered is not None:
             plain = dataclasses.asdict(Behaviour())
             given = [name for name in plain if getattr(self.behaviour, name) != plain[name]]
             if given:
                 options = ", ".join(f"--{name.replace('_', '-')}" for name in given)
                 expected = f"has a behaviour of its own; leave out {options}"
                 raise InputError(f"--operator {self.operator}", "", expected)
+            if registered is not None:
+                return self.behaviour, False, None
+            named = operators[self.operator]
             return named.behaviour_in(scenario), named.switches, None
         if not Path(split_number(self.operator)[0]).exists():
-            names = ("surrogate", *operators)
+            names = ("surrogate", *operators, *registered_operators())
             expected = f"must be a log or one of {', '.join(names)}; there is no such file"
             raise InputError(self.operator, "", f"{expected}{suggestion(self.operator, names)}")
         recorded = read_log(self.operator).metadata["scenario"]["name"]

@@ -58,5 +58,6 @@ class Teach(PageOptions, ControlOptions):
             write_demonstrations(self.out, demonstrations)
         for index, item in enumerate(demonstrations):
             route = item.provenance.get("route") or "free"
-            say(f"demonstration {index}: route {route}, clearance {item.score:.3f} m")
+            clearance = "no obstacles" if item.score is None else f"clearance {item.score:.3f} m"
+            say(f"demonstration {index}: route {route}, {clearance}")
         say(f"wrote {self.out}")

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from pydrake.systems.framework import LeafSystem
 
+from drake_shared.cockpit.demonstration_collector import DemonstrationCollector
 from drake_shared.cockpit.driver_lock import DriverLock
 from drake_shared.cockpit.meshcat_proxy import start_meshcat
 from drake_shared.cockpit.server import DEFAULT_PORT, CockpitServer
@@ -57,7 +58,7 @@ def drive(
     allowed_hosts: Collection[str] = (),
     proxy: str | None = None,
     open_browser: bool = True,
-    keep_logs: bool = True,
+    teaching: DemonstrationCollector | None = None,
     on_trial: Callable[[Trial], bool | None] = lambda _: None,
 ) -> None:
     """Serves the page and runs trials in real time, one after another, until interrupted.
@@ -81,7 +82,8 @@ def drive(
             it, if that is at most 12 hours old, so that pages that are still open come back.
         allowed_hosts, proxy: See :class:`CockpitServer`.
         open_browser: Whether to open the page in this computer's browser, if it has a display.
-        keep_logs: False removes the log of each trial at its end, after ``on_trial`` has saved it elsewhere.
+        teaching: Collects the drives as demonstrations; no logs are kept then, and the page can choose
+            nothing but the route.
         on_trial: Called with every finished trial; the session ends when it returns True.
 
     Raises:
@@ -102,7 +104,7 @@ def drive(
         proxy=proxy,
         token=stored_key(port),
         interrupted=interrupted,
-        keep_logs=keep_logs,
+        teaching=teaching,
         on_trial=on_trial,
     )
     with _set_on_signals(interrupted), session as opened:
@@ -129,7 +131,7 @@ def open_session(
     proxy: str | None = None,
     token: str | None = None,
     interrupted: threading.Event | None = None,
-    keep_logs: bool = True,
+    teaching: DemonstrationCollector | None = None,
     report: Callable[[str], None] = say,
     choices: TrialChoices | None = None,
     on_trial: Callable[[Trial], bool | None] = lambda _: None,
@@ -140,7 +142,7 @@ def open_session(
     context manager and the session's ``run`` must be used in the same thread, as Meshcat requires.
 
     Args:
-        scenario, learner, assist, route, config, record, host, port, allowed_hosts, proxy, keep_logs,
+        scenario, learner, assist, route, config, record, host, port, allowed_hosts, proxy, teaching,
             on_trial: See :func:`drive`.
         operator: As for :func:`drive`, or a function that returns the operator: a LeafSystem with a vector
             output port ``human_command``, in wheel speeds [rad/s], that has no direct feedthrough. The
@@ -207,11 +209,11 @@ def open_session(
         yield Session(
             simulation=build(choices),
             choices=choices,
-            rebuild=build if not fixed and (operator == "mouse" or callable(operator)) else None,
+            rebuild=None if fixed or teaching is not None or operator == "surrogate" else build,
             server=server,
             interrupted=interrupted or threading.Event(),
             record=None if record is None else Path(record),
-            keep_logs=keep_logs,
+            teaching=teaching,
             report=report,
             on_trial=on_trial,
         )
@@ -225,7 +227,7 @@ def _set_on_signals(interrupted: threading.Event) -> Iterator[None]:
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     # One that is ignored stays so: nohup ignores SIGHUP.
     before = {n: handler for n in numbers if (handler := signal.getsignal(n)) is not signal.SIG_IGN}
-    # A handler that set the event itself would wait for ever if it ran while this thread has the event's lock.
+    # A handler that set the event itself would wait for ever if it ran while this thread had its lock.
     received: queue.SimpleQueue[bool] = queue.SimpleQueue()
 
     def relay() -> None:

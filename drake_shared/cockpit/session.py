@@ -7,10 +7,12 @@ import datetime
 import gc
 import itertools
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from drake_shared.cockpit.demonstration_collector import DemonstrationCollector
 from drake_shared.cockpit.drive_history import DriveHistory
 from drake_shared.cockpit.driver_watch import DriverWatch
 from drake_shared.cockpit.messages import Discard, Request, Setup, Train
@@ -34,6 +36,7 @@ MAX_FAILURES = 2
 
 _POLL_PERIOD = 0.02
 _PAUSE = 4.0  # Between two watched trials, in [s].
+_LAST_CHANCE = 10.0  # To discard the last demonstration, in [s].
 
 
 class Session:
@@ -54,7 +57,8 @@ class Session:
         rebuild: Makes the simulation of other choices, in the thread that calls :meth:`run`; if None, the
             driver may choose no more than the route.
         record: Folder for the logs; if None, nothing is saved. Each trial is saved while it is driven.
-        keep_logs: See :class:`TrialRecorder`.
+        teaching: Collects the trials as demonstrations, in place of logs; the session ends when there are
+            enough.
         report: Called with messages for the user.
         on_trial: Called with every finished trial; the session ends when it returns True.
     """
@@ -68,7 +72,7 @@ class Session:
         choices: TrialChoices | None = None,
         rebuild: Callable[[TrialChoices], Simulation] | None = None,
         record: Path | None = None,
-        keep_logs: bool = True,
+        teaching: DemonstrationCollector | None = None,
         report: Callable[[str], None] = lambda _: None,
         on_trial: Callable[[Trial], bool | None] = lambda _: None,
     ) -> None:
@@ -80,7 +84,8 @@ class Session:
         self.server = server
         self._driver_lock = server.driver_lock
         self._interrupted = interrupted
-        self._recorder = TrialRecorder(record, keep_logs=keep_logs)
+        self._teaching = teaching
+        self._recorder = TrialRecorder(record, keep_logs=teaching is None)
         self._report = report
         self._on_trial = on_trial
         self.phase = "starting"
@@ -95,11 +100,12 @@ class Session:
 
     def run(self) -> None:
         """Runs trials one after another."""
+        self._suggest_route()
         self._publish_scene()
         self._begin()
         self._publish_phase("ready")
         if self._has_driver:
-            while not self._over and (engagement := self._wait_for_driver()) is not None:
+            while (engagement := self._wait_for_driver()) is not None:
                 self._run_driven_trial(engagement)
         else:
             for seed in itertools.count():
@@ -128,10 +134,18 @@ class Session:
             described = self._choices.describe(usable_drives=drives)
             self.server.publish("setup", described | {"fixed": self._rebuild is None})
             self.server.publish("history", self._history.describe())
+        if self._teaching is not None:
+            self.server.publish("teaching", self._teaching.describe())
+
+    def _suggest_route(self) -> None:
+        if self._teaching is not None:
+            self._choices.route = self._teaching.next_route
 
     def _answer(self, request: Request) -> None:
         """Does what a page asked for between trials."""
         match request:
+            case Discard(number) if self._teaching is not None:
+                self._discard_demonstration(self._teaching, number)
             case Discard(number):
                 if (name := self._history.discard(number)) is not None:
                     self._report(f"Deleted {name}")
@@ -140,6 +154,16 @@ class Session:
             case Train() if self._rebuild is not None:
                 self._train()
         self._publish_choices()
+
+    def _discard_demonstration(self, teaching: DemonstrationCollector, number: int) -> None:
+        try:
+            if teaching.discard(number):
+                self._history.discard(number)
+                self._report(f"Discarded the demonstration of trial {number}")
+        except (DrakeSharedError, OSError) as error:
+            self._report(str(error))
+        self._finished = teaching.complete
+        self._suggest_route()
 
     def _train(self) -> None:
         drives = self._history.usable(self._simulation.scenario.name)
@@ -201,9 +225,15 @@ class Session:
             self._report("Repeated failures: the human drives alone. Switch assistance on to retry.")
 
     def _wait_for_driver(self) -> int | None:
-        """Waits for the next engagement. Returns None if the session is interrupted first."""
+        """Waits for the next engagement. Returns None if the session ends first.
+
+        It ends at once when it is finished, but leaves time to discard the last demonstration.
+        """
         connected = None
+        until = time.monotonic() + (0.0 if self._teaching is None else _LAST_CHANCE)
         while not self._interrupted.wait(_POLL_PERIOD):
+            if self._finished and (time.monotonic() > until or not self.server.pages):
+                return None
             if connected is not bool(self.server.pages):
                 connected = bool(self.server.pages)
                 self._report(
@@ -215,7 +245,7 @@ class Session:
                 self._answer(request)
             sample = self._driver_lock.latest()
             if sample.engaged:
-                if not self._choices.needs_route:
+                if not (self._choices.needs_route or self._finished):
                     return sample.engagement
                 self._driver_lock.revoke("over")
         return None
@@ -292,7 +322,7 @@ class Session:
         if failure is not None:
             described["failure"] = failure
         trial = running.finish(status, **described)
-        saved, error, self._finished = self._recorder.finish(trial, self._on_trial)
+        saved, error, self._finished = self._recorder.finish(trial, self._end_trial)
         text = f"Trial {self._number}: {status} after {trial['t'][-1]:.2f} s"
         text += f" ({failure})" if failure else ""
         text += f"; not saved: {error}" if error else f", saved as {saved}" if saved else ""
@@ -301,10 +331,16 @@ class Session:
         self._result = describe_result(trial, saved, error) | {"number": self._number}
         self._history.add(self._number, self._result, trial)
         self._choices.next_trial()
+        self._suggest_route()
         self._publish_choices()
         self._publish_phase("finished", running)
         # No trial runs now, and connections that were aborted leave large reference cycles.
         gc.collect()
+
+    def _end_trial(self, trial: Trial) -> bool:
+        """Returns whether the session is over."""
+        over = bool(self._on_trial(trial))
+        return (self._teaching is not None and self._teaching(trial)) or over
 
     def _show(self, running: RunningTrial) -> None:
         values = self._state_reader.read(running)

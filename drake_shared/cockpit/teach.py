@@ -7,22 +7,15 @@ import os
 from collections.abc import Callable, Collection
 from pathlib import Path
 
+from drake_shared.cockpit.demonstration_collector import DemonstrationCollector
 from drake_shared.cockpit.drive import drive
 from drake_shared.cockpit.server import DEFAULT_PORT
 from drake_shared.common.console import say
-from drake_shared.common.errors import InputError, RunError
-from drake_shared.demonstrations import (
-    Demonstration,
-    Demonstrations,
-    read_demonstrations,
-    write_demonstrations,
-)
-from drake_shared.scenario import Scenario, clearance_scorer
+from drake_shared.common.errors import RunError
+from drake_shared.demonstrations import Demonstrations
+from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig
-from drake_shared.simulation.teaching import demonstration_of, human_alone
-from drake_shared.simulation.trial import Trial
-
-_OPERATOR = "MouseInput"
+from drake_shared.simulation.teaching import human_alone
 
 
 def teach_by_mouse(
@@ -40,8 +33,10 @@ def teach_by_mouse(
 ) -> Demonstrations:
     """Returns demonstrations that a person drives without assistance, scored by clearance.
 
-    Trials that miss the goal or touch an obstacle are discarded, and the person drives again. When
-    interrupted, it returns the demonstrations collected so far.
+    The page asks for the route with the fewest demonstrations. Trials that miss the goal or touch an obstacle
+    are discarded, and the person drives again; the page can discard others too. When interrupted, it returns
+    the demonstrations collected so far; else a few seconds after the last one, which can be discarded until
+    then.
 
     Args:
         scenario: The task.
@@ -66,77 +61,15 @@ def teach_by_mouse(
         config=dataclasses.replace(human_alone(config), end="reached"),
         assist=False,
         record=None if out is None else Path(out).parent,
-        keep_logs=False,
         host=host,
         port=port,
         allowed_hosts=allowed_hosts,
         proxy=proxy,
         open_browser=open_browser,
-        on_trial=collector,
+        teaching=collector,
     )
     if not collector.demonstrations:
         raise RunError("no demonstration reached the goal without contact")
     if collector.unsaved:
         collector.save()
     return collector.collected()
-
-
-class DemonstrationCollector:
-    """Collects the trials that qualify as demonstrations, and saves each at once.
-
-    Args:
-        scenario: The task; its obstacles give the scores.
-        wanted: Number of demonstrations to collect.
-        out: File for them; None saves nothing. One that holds fewer demonstrations of this scenario by a
-            person than ``wanted`` is continued.
-    """
-
-    def __init__(self, scenario: Scenario, wanted: int, *, out: str | os.PathLike[str] | None = None) -> None:
-        self._out = out
-        self._scenario = scenario.name
-        self._score = clearance_scorer(scenario)
-        self._wanted = wanted
-        self.demonstrations: list[Demonstration] = self._begun()
-        self.unsaved = False
-        """Whether there are demonstrations that could not be written yet."""
-
-    def __call__(self, trial: Trial) -> bool:
-        """Adds ``trial`` if it qualifies. Returns whether there are enough demonstrations.
-
-        Raises:
-            RunError: The file cannot be written; the demonstration is kept, and written with the next one.
-        """
-        if trial.status == "reached" and not trial["contact"].any():
-            self.demonstrations.append(demonstration_of(trial, score=self._score(trial.positions)))
-            self.unsaved = True
-            self.save()
-        return len(self.demonstrations) >= self._wanted
-
-    def save(self) -> None:
-        """Writes all demonstrations.
-
-        Raises:
-            RunError: The file cannot be written.
-        """
-        if self._out is not None:
-            write_demonstrations(self._out, self.collected(), durable=True)
-        self.unsaved = False
-
-    def collected(self) -> Demonstrations:
-        """All demonstrations so far."""
-        return Demonstrations(
-            items=tuple(self.demonstrations), metadata={"scenario": self._scenario, "operator": _OPERATOR}
-        )
-
-    def _begun(self) -> list[Demonstration]:
-        """The demonstrations of a session that ended before there were enough."""
-        if self._out is None or not os.path.isfile(self._out):
-            return []
-        try:
-            found = read_demonstrations(self._out)
-        except InputError:
-            return []
-        by_person = all(item.provenance.get("operator") == _OPERATOR for item in found)
-        if found.scenario != self._scenario or not by_person or len(found) >= self._wanted:
-            return []
-        return list(found)

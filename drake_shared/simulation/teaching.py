@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from drake_shared.arbitration.authority import Authority
 from drake_shared.common.errors import RunError
@@ -14,13 +15,13 @@ from drake_shared.systems.surrogate_operator import Behaviour
 
 
 def demonstration_of(trial: Trial, *, score: float) -> Demonstration:
-    """The path of a trial, as a demonstration with ``score``."""
+    """The path of a trial, as a demonstration with ``score``; with none if that is infinite: no obstacles."""
     return Demonstration(
         times=trial["t"],
         positions=trial.positions,
         yaws=trial.columns.get("yaw"),
         position_names=trial.robot.position_names,
-        score=score,
+        score=score if math.isfinite(score) else None,
         provenance=provenance_of_trial(trial.metadata, trial["human_weight"]),
     )
 

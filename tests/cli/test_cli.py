@@ -355,6 +355,35 @@ def test_simulate_takes_an_operator_by_name(cli, tmp_path):
     assert read_log(json.loads(out)["trials"][0]["log"]).metadata["then"] == "left_left"
 
 
+def test_simulate_takes_a_registered_operator(cli, tmp_path, monkeypatch):
+    point = EntryPoint("idle", "tests_idle_operator:make_operator", "drake_shared.operators")
+    (tmp_path / "tests_idle_operator.py").write_text(IDLE_OPERATOR)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(
+        "drake_shared.common.entry_points.entry_points",
+        lambda *, group: [point] if group == "drake_shared.operators" else [],
+    )
+    arguments = (*ALONE, "--operator", "idle")
+    status, out, _ = cli(*arguments, "--json", "--out", tmp_path / "logs")
+    assert status == 0
+    told = read_log(json.loads(out)["trials"][0]["log"]).metadata
+    assert (told["operator"], told["route"], told["status"]) == ("IdleOperator", None, "timed_out")
+    assert cli(*arguments, "--noise", "0.5")[0] == 2
+
+
+IDLE_OPERATOR = """
+from pydrake.systems.framework import LeafSystem
+
+class IdleOperator(LeafSystem):
+    def __init__(self):
+        super().__init__()
+        self.DeclareStateOutputPort("human_command", self.DeclareDiscreteState(2))
+
+def make_operator(*, scenario, source, period):
+    return IdleOperator()
+"""
+
+
 def test_the_help_of_simulate_names_every_operator(cli):
     status, out, _ = cli("simulate", "--help")
     assert status == 0

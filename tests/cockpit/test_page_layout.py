@@ -1,6 +1,7 @@
 """Every state of the page at every size: nothing is cut off or overlaps, and axe-core finds no fault."""
 
 import re
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -30,48 +31,7 @@ SIZES = [
     (400, 300),
 ]
 
-# Returns which visible texts and controls leave the page or their box, are covered, or overlap.
-FAULTS = """() => {
-  const faults = [];
-  const seen = (element) => element.checkVisibility() && element.getBoundingClientRect().width > 1;
-  const name = (element) => `${element.tagName.toLowerCase()}#${element.id || element.className}`;
-  const wide = document.documentElement.scrollWidth;
-  if (wide > innerWidth) faults.push(`the page is ${wide} wide in a window of ${innerWidth}`);
-  const parts = [...document.querySelectorAll(
-    "#cockpit-header, #stage, #deck > section, #panels, #tabs, [role=tabpanel], #said, #clock, #view-buttons"
-  )].filter(seen);
-  const box = (element) => element.getBoundingClientRect();
-  parts.forEach((part, i) => {
-    const a = box(part);
-    if (a.left < -0.5 || a.right > innerWidth + 0.5) faults.push(`${name(part)} leaves the window`);
-    for (const other of parts.slice(i + 1)) {
-      if (part.contains(other) || other.contains(part)) continue;
-      const b = box(other);
-      const across = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-      const down = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-      // The header stays above what is scrolled.
-      if (part.id !== "cockpit-header" && !part.closest("#cockpit-header") && across > 0.5 && down > 0.5) {
-        faults.push(`${name(part)} overlaps ${name(other)}`);
-      }
-    }
-    if (part.id === "stage") return;
-    for (const child of [...part.querySelectorAll("*")].filter(seen)) {
-      if (child.closest("svg") && child.tagName !== "svg") continue;
-      if (child.closest(".switch .track, .hidden-text, #touch-stick, thead")) continue;
-      const c = box(child);
-      if (c.right > a.right + 0.5 || c.bottom > a.bottom + 0.5 || c.left < a.left - 0.5) {
-        faults.push(`${name(part)}: ${name(child)} sticks out`);
-      }
-      const style = getComputedStyle(child);
-      const clips = style.overflowX !== "visible" || style.overflowY !== "visible";
-      const tooWide = child.scrollWidth > child.clientWidth + 1;
-      if (clips && (tooWide || child.scrollHeight > child.clientHeight + 1)) {
-        if (!/auto|scroll/.test(style.overflow + style.overflowY)) faults.push(`${name(child)} is cut off`);
-      }
-    }
-  });
-  return faults;
-}"""
+FAULTS = (Path(__file__).parent / "layout_faults.js").read_text(encoding="utf-8")
 # What a driver must see without scrolling, which is not possible while the mouse is captured.
 ESSENTIAL = ("#status", "#why", "#share-bar", "#drive", "#time-left", "#stage")
 IN_VIEW = """(selectors) => {
@@ -91,24 +51,25 @@ class Inspector:
         self._page = page
         self.faults: list[str] = []
 
-    def inspect(self, state: str, *, driving: bool = False):
-        for width, height in SIZES:
+    def inspect(self, state: str, *, driving: bool = False, brief: bool = False):
+        """Inspects a state; a brief inspection has the sizes and the theme in which most goes wrong."""
+        for width, height in SIZES[-4:] if brief else SIZES:
             self._resize(width, height)
             where = f"{state} at {width}x{height}: "
-            self.faults += [where + fault for fault in self._page.evaluate(FAULTS)]
+            self.faults += [where + fault for fault in self._page.evaluate(f"({FAULTS})()")]
             if driving and height >= 400:
                 missing = self._page.evaluate(IN_VIEW, list(ESSENTIAL))
                 self.faults += [f"{where}{selector} is not in view" for selector in missing]
-        for theme in ("light", "dark"):
+        themes = [("light", (1280, 800)), ("dark", (390, 844))]
+        for theme, size in themes[1:] if brief else themes:
             self._page.evaluate("(theme) => { document.documentElement.dataset.theme = theme; }", theme)
-            for size in ((1280, 800), (390, 844)):
-                self._resize(*size)
-                found = Axe().run(self._page, options=AXE_OPTIONS).response["violations"]
-                self.faults += [
-                    f"{state}, {theme}, {size}: {violation['id']}: {node['target']} {node['failureSummary']}"
-                    for violation in found
-                    for node in violation["nodes"]
-                ]
+            self._resize(*size)
+            found = Axe().run(self._page, options=AXE_OPTIONS).response["violations"]
+            self.faults += [
+                f"{state}, {theme}, {size}: {violation['id']}: {node['target']} {node['failureSummary']}"
+                for violation in found
+                for node in violation["nodes"]
+            ]
 
     def _resize(self, width: int, height: int):
         self._page.set_viewport_size({"width": width, "height": height})
@@ -154,6 +115,9 @@ class Stage:
         server.publish("history", self._history.describe())
         self.set_phase("ready")
 
+    def publish(self, topic: str, content: dict):
+        self._server.publish(topic, content)
+
     def set_phase(self, phase: str):
         result = self._result if phase == "finished" else None
         self._server.publish("trial", {"phase": phase, "number": 0, "mode": "shared", "result": result})
@@ -192,6 +156,26 @@ def inspect_tabs(page, inspector: Inspector, state: str):
             inspector.inspect(f"{state}, {tab.get_attribute('id')}")
 
 
+def test_teaching_says_which_demonstration_and_whether_it_is_kept(page, stage):
+    page.click("#intro-skip")
+    told = {"wanted": 3, "kept": 1, "routes": {"left_right": 1}, "last": 2, "void": None}
+    stage.publish("teaching", told)
+    stage.set_phase("finished")
+    page.wait_for_selector("#deck[data-phase=finished]")
+    page.wait_for_selector("#lesson:not([hidden])")
+    assert "2 of 3" in page.inner_text("#task")
+    assert "1 of 3" in page.inner_text("#assistance-used")
+    inspector = Inspector(page)
+    inspector.inspect("teaching")
+    page.click("#discard")
+    stage.until(lambda: stage.driver_lock.take_request() == Discard(2), "the request")
+    stage.publish("teaching", told | {"void": "contact"})
+    page.wait_for_selector("#discard", state="hidden")
+    assert "contact" in page.inner_text("#assistance-used")
+    inspector.inspect("teaching, not kept", brief=True)
+    assert inspector.faults == [], "\n".join(inspector.faults)
+
+
 def test_every_state_is_whole_at_every_size_and_accessible(page, stage):
     inspector = Inspector(page)
     inspector.inspect("introduction")
@@ -202,11 +186,20 @@ def test_every_state_is_whole_at_every_size_and_accessible(page, stage):
     inspect_tabs(page, inspector, "finished")
     page.click("#drive")
     page.wait_for_selector("body[data-driver-lock=yours]")
+    stage.set_phase("armed")
+    page.wait_for_selector("#deck[data-phase=armed]")
+    inspector.inspect("armed", driving=True, brief=True)
     stage.set_phase("driving")
     stage.set_now("contact", contact=1.0)
     page.wait_for_selector("#deck[data-phase=driving]")
     page.wait_for_selector("#why[data-reason=contact]")
     inspector.inspect("driving", driving=True)
+    page.keyboard.press("Escape")
+    page.wait_for_selector("body[data-driver-lock=free]")
+    assert stage.driver_lock.engage(0)
+    page.wait_for_selector("body[data-driver-lock=taken]")
+    inspector.inspect("watching", brief=True)
+    stage.driver_lock.release(0)
     assert inspector.faults == [], "\n".join(inspector.faults)
 
 
@@ -374,6 +367,10 @@ def test_a_page_comes_back_by_itself_when_the_server_does(browser_context, stage
     cockpit.stop()
     page.wait_for_selector("body.offline")
     assert page.is_disabled("#drive")
+    page.click("#intro-skip")
+    inspector = Inspector(page)
+    inspector.inspect("offline", brief=True)
+    assert inspector.faults == [], "\n".join(inspector.faults)
     start_cockpit(short_floor, token="a key that stays the same", port=port)
     page.wait_for_selector("body.cockpit:not(.offline) #deck[data-phase=ready]")
     page.wait_for_selector("#drive:enabled")

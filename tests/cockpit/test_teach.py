@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from drake_shared.cockpit.teach import DemonstrationCollector
+from drake_shared.cockpit.demonstration_collector import DemonstrationCollector
+from drake_shared.cockpit.messages import Move
 from drake_shared.common.errors import RunError
 from drake_shared.demonstrations import read_demonstrations
 
@@ -67,10 +68,64 @@ def test_what_a_full_disk_refused_is_written_with_the_next_demonstration(
 
     collector = DemonstrationCollector(scenario, wanted=3, out=tmp_path / "demos.parquet")
     with monkeypatch.context() as patch:
-        patch.setattr("drake_shared.cockpit.teach.write_demonstrations", full)
+        patch.setattr("drake_shared.cockpit.demonstration_collector.write_demonstrations", full)
         with pytest.raises(RunError):
             collector(driven)
         assert collector.unsaved
     collector(driven)
     assert not collector.unsaved
     assert len(read_demonstrations(tmp_path / "demos.parquet")) == 2
+
+
+def test_a_demonstration_can_be_discarded_and_what_became_of_a_trial_is_told(driven, scenario, tmp_path):
+    collector = DemonstrationCollector(scenario, wanted=2, out=tmp_path / "demos.parquet")
+    touched = dataclasses.replace(driven, columns={**driven.columns, "contact": np.ones(len(driven["t"]))})
+    collector(touched)
+    assert (collector.describe()["void"], collector.describe()["kept"]) == ("contact", 0)
+    collector(driven)
+    collector(driven)
+    assert collector.complete
+    assert collector.describe()["void"] is None
+    assert not collector.discard(1)
+    assert collector.discard(3)
+    assert (collector.complete, collector.describe()["void"]) == (False, "discarded")
+    assert len(read_demonstrations(tmp_path / "demos.parquet")) == 1
+    assert collector.discard(2)
+    assert not (tmp_path / "demos.parquet").exists()
+
+
+def test_the_route_with_the_fewest_demonstrations_is_next(driven, scenario):
+    collector = DemonstrationCollector(scenario, wanted=9)
+    asked = []
+    for _ in range(2 * len(scenario.routes)):
+        asked.append(collector.next_route)
+        route = {**driven.metadata, "route": collector.next_route}
+        collector(dataclasses.replace(driven, metadata=route))
+    assert asked == [route.name for route in scenario.routes] * 2
+
+
+def test_without_obstacles_demonstrations_have_no_score_and_can_be_read(driven, open_floor, tmp_path):
+    collector = DemonstrationCollector(open_floor, wanted=1, out=tmp_path / "demos.parquet")
+    collector(driven)
+    (found,) = read_demonstrations(tmp_path / "demos.parquet")
+    assert found.score is None
+
+
+def test_a_session_of_teaching_ends_when_there_are_enough_and_keeps_no_logs(
+    start_cockpit, short_floor, until
+):
+    collector = DemonstrationCollector(short_floor, wanted=1)
+    cockpit = start_cockpit(short_floor, teaching=collector)
+    lock = cockpit.driver_lock
+    until(lambda: cockpit.session.phase == "ready", "the session")
+    lock.engage(1)
+    until(lambda: cockpit.session.phase == "armed", "the trial")
+
+    def reached() -> bool:
+        lock.move(1, Move(x=0, y=0, forward=1, turn=0))
+        return collector.complete
+
+    until(reached, "the goal")
+    until(lambda: cockpit.session.phase == "ended", "the end")
+    assert collector.demonstrations[0].provenance["route"] == short_floor.routes[0].name
+    assert list(cockpit.record.iterdir()) == []

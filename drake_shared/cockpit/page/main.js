@@ -9,7 +9,7 @@ import { Intro } from "./intro.js";
 import { Lift } from "./lift.js";
 import { Mouse } from "./mouse.js";
 import { Panel } from "./panel.js";
-import { showResult } from "./review.js";
+import { showResult, showTeaching } from "./review.js";
 import { Scene } from "./scene.js";
 import { Settings } from "./settings.js";
 import { SetupPanel } from "./setup_panel.js";
@@ -46,6 +46,7 @@ tabs.onShow = (id) => (id === "panel-history" ? history.open() : history.stop())
 let engaged = false;
 let closing = false;
 let task = null;
+let teaching = null; // What was collected, if the drives become demonstrations.
 tabs.setAvailable("panel-result", false);
 tabs.setAvailable("panel-setup", false);
 tabs.setAvailable("panel-history", false);
@@ -149,9 +150,15 @@ connection.on("seat", (message) => {
 });
 connection.on("setup", (message) => {
   panel.setNeedsRoute(message.needs_route);
+  panel.setRoute(message.route);
   setup.show(message);
   scene.setGhost(task?.routes.find(({ name }) => name === message.route)?.path ?? []);
   tabs.setAvailable("panel-setup", true);
+});
+connection.on("teaching", (message) => {
+  teaching = message;
+  panel.setTeaching(message);
+  showTeaching(message);
 });
 connection.on("history", (message) => {
   history.show(message);
@@ -167,6 +174,7 @@ connection.on("trial", (message) => {
     showResult(message.result, task, {
       onDiscard: () => connection.send({ type: "discard", number: message.result.number }),
     });
+    if (teaching) showTeaching(teaching);
     if (message.phase === "finished") tabs.show("panel-result");
   } else if (message.phase === "ready") tabs.show("panel-setup");
 });

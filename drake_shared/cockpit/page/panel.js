@@ -23,6 +23,8 @@ export class Panel {
   #now = null;
   #level = "human";
   #needsRoute = false;
+  #teaching = null;
+  #route = null;
   #said = { reason: null, until: 0 };
   #sayLater = null;
   #stick = new StickPlot(at("stick-plot"));
@@ -67,8 +69,6 @@ export class Panel {
 
   setScene(scene) {
     this.#scene = scene;
-    const parts = [scene.scenario, scene.learner ?? "no learner", scene.learner_warning];
-    at("task").textContent = parts.filter(Boolean).join(" · ");
     for (const element of document.querySelectorAll(".driven-only")) element.hidden = !scene.driven;
     document.body.dataset.driven = String(scene.driven);
     this.#setTime(scene.duration);
@@ -85,6 +85,19 @@ export class Panel {
     at("pause").setAttribute("aria-pressed", String(paused));
     at("pause").textContent = paused ? "Go on (P)" : "Pause (P)";
     if (this.#now) this.#sayWhy(this.#now);
+    this.#update();
+  }
+
+  // The drives become demonstrations: how many there are, and must be.
+  setTeaching(teaching) {
+    this.#teaching = teaching;
+    at("lesson").hidden = false;
+    at("assist-box").hidden = true;
+    this.#update();
+  }
+
+  setRoute(route) {
+    this.#route = route;
     this.#update();
   }
 
@@ -133,7 +146,8 @@ export class Panel {
 
   #sayWhy(now) {
     const clock = performance.now();
-    const reason = this.paused ? "paused" : now.reason;
+    const told = this.#teaching && now.reason === "no_learner" ? "teaching" : now.reason;
+    const reason = this.paused ? "paused" : told;
     if (reason !== this.#said.reason && (clock > this.#said.until || URGENT.includes(reason))) {
       this.#said = { reason, until: clock + HELD };
     } else if (reason !== this.#said.reason) {
@@ -168,6 +182,7 @@ export class Panel {
   #update() {
     const { mine, phase } = this;
     at("deck").dataset.phase = phase;
+    at("task").textContent = this.#title();
     at("deck").dataset.running = String(RUNNING.includes(phase));
     document.body.dataset.driverLock = this.#connected ? this.lockState : "none";
     const driven = this.#scene?.driven ?? true;
@@ -176,7 +191,8 @@ export class Panel {
     }
     at("drive").textContent = mine ? "Stop (Esc)" : this.#result ? "Drive again" : "Drive";
     at("drive").classList.toggle("stop", mine);
-    const free = this.lockState === "free" && ["ready", "finished"].includes(phase);
+    const enough = this.#teaching?.kept >= this.#teaching?.wanted;
+    const free = !enough && this.lockState === "free" && ["ready", "finished"].includes(phase);
     at("drive").disabled = !this.#connected || !(mine || (free && !this.#needsRoute));
     at("drive").hidden = !driven;
     at("pause").disabled = at("recentre").disabled = !mine;
@@ -184,6 +200,15 @@ export class Panel {
     const status = this.#status(phase);
     if (at("status").textContent !== status) at("status").textContent = status;
     at("phase-dot").dataset.phase = phase;
+  }
+
+  #title() {
+    if (!this.#scene) return "Shared control";
+    const { scenario, learner, learner_warning: warning } = this.#scene;
+    if (!this.#teaching) return [scenario, learner ?? "no learner", warning].filter(Boolean).join(" · ");
+    const { kept, wanted } = this.#teaching;
+    const which = kept < wanted ? `demonstration ${kept + 1} of ${wanted}` : `${kept} demonstrations`;
+    return [scenario, which, this.#route && `route ${this.#route}`].filter(Boolean).join(" · ");
   }
 
   #hint(phase) {
@@ -205,7 +230,7 @@ export class Panel {
         return driven ? "Ready. Click Drive, then move." : "About to start.";
       case "armed":
         if (watching) return "Someone else has the controls. You are watching.";
-        return this.mine ? "You have the controls. The clock starts with your first move." : "About to start.";
+        return this.mine ? "You have the controls: move to start." : "About to start.";
       case "driving": {
         if (this.paused) return "Paused.";
         const text = who(this.#level, this.mine, driven);
@@ -215,6 +240,7 @@ export class Panel {
         return "Braking.";
       case "finished":
         if (this.#needsRoute) return "Choose a route to drive.";
+        if (this.#teaching?.kept >= this.#teaching?.wanted) return "All demonstrations are there.";
         return driven ? "Click Drive again for another trial." : "The next trial follows.";
       case "ended":
         return "The program has ended. This page comes back when it runs again.";

@@ -9,6 +9,7 @@ const REASONS = {
     "Hands off: the driver has not moved for a while, so the robot stops.",
   ],
   no_learner: ["No learner for this scenario: you drive alone.", "No learner for this scenario: the driver is alone."],
+  teaching: ["You teach: you drive alone.", "A demonstration: the driver is alone."],
   assistance_off: ["Assistance is off: you drive alone.", "Assistance is off: the driver is alone."],
   agent_alone: ["The agent drives alone, as the command line asked.", "The agent drives alone, as the command line asked."],
   no_prediction: ["The learner gives no prediction: you drive alone.", "The learner gives no prediction: the driver is alone."],

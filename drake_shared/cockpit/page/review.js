@@ -1,4 +1,5 @@
-// The panel of the last drive: outcome, measures with their meaning, weights over time, and a map.
+// The panel of the last drive: outcome, measures with their meaning, weights over time, a map, and what became of
+// a demonstration.
 
 import { weightChart } from "./chart.js";
 import { FloorMap } from "./floor_map.js";
@@ -6,6 +7,11 @@ import { assistanceOf, measureOf, MEASURES, outcomeOf } from "./outcome.js";
 import { html } from "./svg.js";
 
 const at = (id) => document.getElementById(id);
+const VOID = {
+  contact: "Not kept: contact voids a demonstration",
+  not_reached: "Not kept: it did not reach the goal",
+  discarded: "Not kept, as you asked",
+};
 
 export function showResult(result, scene, { onDiscard }) {
   at("outcome").textContent = outcomeOf(result);
@@ -36,4 +42,14 @@ export function showResult(result, scene, { onDiscard }) {
   const saved = result.trouble ?? (result.saved ? `Saved as ${result.saved}` : "");
   at("saved").textContent = [result.failure, saved].filter(Boolean).join(". ");
   at("saved").classList.toggle("trouble", Boolean(result.trouble || result.failure));
+}
+
+// Whether the last drive is one of the demonstrations.
+export function showTeaching({ wanted, kept, last, void: fault }) {
+  if (!last) return;
+  const all = kept >= wanted ? ": all there, so the program ends in a few seconds" : "";
+  at("assistance-used").textContent = VOID[fault] ?? `Kept: ${kept} of ${wanted} demonstrations`;
+  at("discard").textContent = "Do not keep it, drive it again";
+  at("discard").hidden = fault !== null;
+  at("saved").textContent = fault === null ? `Saved${all}.` : "Drive it again.";
 }
