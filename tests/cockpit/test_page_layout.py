@@ -156,26 +156,6 @@ def inspect_tabs(page, inspector: Inspector, state: str):
             inspector.inspect(f"{state}, {tab.get_attribute('id')}")
 
 
-def test_teaching_says_which_demonstration_and_whether_it_is_kept(page, stage):
-    page.click("#intro-skip")
-    told = {"wanted": 3, "kept": 1, "routes": {"left_right": 1}, "last": 2, "void": None}
-    stage.publish("teaching", told)
-    stage.set_phase("finished")
-    page.wait_for_selector("#deck[data-phase=finished]")
-    page.wait_for_selector("#lesson:not([hidden])")
-    assert "2 of 3" in page.inner_text("#task")
-    assert "1 of 3" in page.inner_text("#assistance-used")
-    inspector = Inspector(page)
-    inspector.inspect("teaching")
-    page.click("#discard")
-    stage.until(lambda: stage.driver_lock.take_request() == Discard(2), "the request")
-    stage.publish("teaching", told | {"void": "contact"})
-    page.wait_for_selector("#discard", state="hidden")
-    assert "contact" in page.inner_text("#assistance-used")
-    inspector.inspect("teaching, not kept", brief=True)
-    assert inspector.faults == [], "\n".join(inspector.faults)
-
-
 def test_every_state_is_whole_at_every_size_and_accessible(page, stage):
     inspector = Inspector(page)
     inspector.inspect("introduction")
@@ -381,3 +361,24 @@ def test_a_page_without_the_key_says_what_to_do(browser_context, stage):
     page.goto(stage.address.partition("?")[0])
     assert "drake-shared printed" in page.inner_text("main")
     assert Axe().run(page, options=AXE_OPTIONS).response["violations"] == []
+
+
+def test_teaching_says_which_demonstration_and_whether_it_is_kept(page, stage):
+    # The last test of its stage: pages that come later receive these messages too.
+    page.click("#intro-skip")
+    told = {"wanted": 3, "kept": 1, "routes": {"left_right": 1}, "last": 2, "void": None}
+    stage.publish("teaching", told)
+    stage.set_phase("finished")
+    page.wait_for_selector("#deck[data-phase=finished]")
+    page.wait_for_selector("#lesson:not([hidden])")
+    assert "2 of 3" in page.inner_text("#task")
+    assert "1 of 3" in page.inner_text("#assistance-used")
+    inspector = Inspector(page)
+    inspector.inspect("teaching")
+    page.click("#discard")
+    stage.until(lambda: stage.driver_lock.take_request() == Discard(2), "the request")
+    stage.publish("teaching", told | {"void": "contact"})
+    page.wait_for_selector("#discard", state="hidden")
+    assert "contact" in page.inner_text("#assistance-used")
+    inspector.inspect("teaching, not kept", brief=True)
+    assert inspector.faults == [], "\n".join(inspector.faults)
