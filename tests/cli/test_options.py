@@ -33,7 +33,7 @@ def control(*arguments: str) -> SharedControlConfig:
             ("--authority.floor", "0.3", "--authority.conflict-time", "None"),
             SharedControlConfig(authority=Authority(floor=0.3, conflict_time=None)),
         ),
-        (("--authority.enabled", "False"), config_for("paper")),
+        (("--authority.enabled", "False"), SharedControlConfig(authority=Authority(enabled=False))),
         (("--faults.delay", "0.2"), SharedControlConfig(faults=Faults(delay=0.2))),
         (
             ("--safety-clearance", "0.05", "--look-ahead", "0.8", "--end", "duration"),
@@ -93,7 +93,8 @@ def test_the_learners_preset_names_the_config_unless_it_is_given(tmp_path):
     assert control("--preset", "paper") == config_for("paper")
     assert control("--model", PAPER) == config_for("paper")
     assert control("--preset", "paper", "--look-ahead", "0.5") == config_for("paper", look_ahead=0.5)
-    assert control("--preset", "paper", "--authority.enabled", "True") == SharedControlConfig()
+    with_authority = control("--preset", "paper", "--authority.enabled", "True")
+    assert with_authority == config_for("paper", authority=Authority())
     file = tmp_path / "mine.yaml"
     file.write_text("look_ahead: 0.9\n")
     assert control("--preset", "paper", "--config", str(file)) == SharedControlConfig(look_ahead=0.9)
