@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from drake_shared.analysis.ambiguity import area_under_curve
+from drake_shared.arbitration.path_repair import make_path_repair
 from drake_shared.learners import Learner
 from drake_shared.robots import Arm, scaled_length
 from drake_shared.scenario import Scenario, scenario_from_dict
 from drake_shared.scenario.paths import passing_side
+from drake_shared.simulation.config import config_of_log
 from drake_shared.simulation.trial import Trial
 from drake_shared.systems.intention import Intention
 from drake_shared.systems.intention_estimator import IntentionEstimator
@@ -105,8 +107,15 @@ def predictions(learner: Learner, trial: Trial) -> Iterator[tuple[Intention, flo
 
     It receives the logged poses and commands of the human, as the faults of the trial let them arrive.
     """
-    robot = scenario_from_dict(trial.metadata["scenario"]).robot
-    estimator = IntentionEstimator(learner=learner, robot=robot, period=float(trial["t"][1] - trial["t"][0]))
+    scenario, config = scenario_from_dict(trial.metadata["scenario"]), config_of_log(trial.metadata)
+    robot = scenario.robot
+    repairs = config.path_repair
+    estimator = IntentionEstimator(
+        learner=learner,
+        robot=robot,
+        period=float(trial["t"][1] - trial["t"][0]),
+        repair=make_path_repair(scenario, robot, look_ahead=config.look_ahead) if repairs else None,
+    )
     context = estimator.CreateDefaultContext()
     estimator.SetLearner(
         context,
