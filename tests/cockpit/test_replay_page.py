@@ -72,10 +72,10 @@ def page(lasting_context, folder):
 
 
 def drawn(page):
-    """Waits until the page has drawn once more."""
+    """Waits until the page has drawn the whole scene once more."""
     page.evaluate("() => { window.drawn = 0; viewer.render_callback = () => window.drawn++; }")
-    page.evaluate("() => viewer.set_dirty()")
-    page.wait_for_function("() => window.drawn > 0")
+    # After a change of size, one frame that is asked for draws the picture of the robot only.
+    page.wait_for_function("() => { viewer.set_dirty(); return window.drawn > 0; }")
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (390, 844)])

@@ -62,7 +62,8 @@ def test_far_from_all_limits_the_solution_is_the_unconstrained_minimum():
 def test_the_posture_does_not_move_what_the_tip_feels():
     given = program(1) | {"lower": np.full(N, -1e3), "upper": np.full(N, 1e3), "b": np.full(ROWS, -1e3)}
     one, other = (IK.solve(**(given | {"posture": posture})) for posture in (np.zeros(N), np.ones(N)))
-    np.testing.assert_allclose(given["jacobian"] @ one, given["jacobian"] @ other, atol=1e-9)
+    # Up to the regularization, which keeps the projection finite where the arm is singular.
+    np.testing.assert_allclose(given["jacobian"] @ one, given["jacobian"] @ other, atol=1e-6)
     assert np.linalg.norm(one - other) > 0.1
 
 

@@ -132,7 +132,7 @@ def test_people_and_simulated_participants_are_not_mixed(small):
         list(simulate(data, 4))
 
 
-@pytest.mark.parametrize("options", [["--simulate", "5"], ["--simulate", "2", "--dropout", "2"], []])
+@pytest.mark.parametrize("options", [["--simulate", "5"], ["--simulate", "2", "--dropout", "2"]])
 def test_options_of_a_dry_run_are_checked(small, options, capsys):
     plan(small)
     assert main(["study", "run", str(small), *options]) == 2
