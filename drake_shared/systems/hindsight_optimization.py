@@ -10,17 +10,13 @@ from numpy.typing import NDArray
 from pydrake.systems.framework import Context
 
 from drake_shared.arbitration.hindsight import Hindsight, HindsightModel
-from drake_shared.arbitration.routes import routes_of
-from drake_shared.common.errors import InputError
-from drake_shared.learners import Learner
-from drake_shared.robots import DiffDrive, Robot
+from drake_shared.arbitration.routes import Routes
+from drake_shared.robots import Robot
 from drake_shared.scenario import Scenario
-from drake_shared.scenario.route_planner import plan_routes
-from drake_shared.systems.posterior_fusion import demonstrated_paths
-from drake_shared.systems.rule_arbiter import RuleArbiter
+from drake_shared.systems.route_arbiter import RouteArbiter
 
 
-class HindsightOptimization(RuleArbiter):
+class HindsightOptimization(RouteArbiter):
     """Applies the command of least expected cost over the routes that the driver may intend.
 
     .. pydrake_system::
@@ -68,14 +64,12 @@ class HindsightOptimization(RuleArbiter):
         width: float = HindsightModel.width,
         deviation: float = HindsightModel.deviation,
     ) -> None:
-        super().__init__(robot=robot, period=period, driver=driver, optional_inputs=("pose",))
-        if not isinstance(self.robot, DiffDrive):
-            raise InputError("HindsightOptimization", "robot", "must be a differential drive")
-        self._scenario = scenario
+        super().__init__(
+            scenario=scenario, robot=robot, period=period, driver=driver, optional_inputs=("pose",)
+        )
         self._model = HindsightModel(
             horizon=horizon, rationality=rationality, slope=slope, width=width, deviation=deviation
         )
-        self._planned = plan_routes(scenario)
         self.DeclareRule()
 
     @property
@@ -83,16 +77,14 @@ class HindsightOptimization(RuleArbiter):
         """Costs and the model of a driver."""
         return dataclasses.asdict(self._model)
 
-    def MakeRule(self, learner: Learner | None) -> Hindsight:
-        """The rule for the routes that were demonstrated to ``learner``."""
-        assert isinstance(self.robot, DiffDrive)
-        paths = [] if learner is None else demonstrated_paths(learner)
+    def MakeRouteRule(self, routes: Routes) -> Hindsight:
+        """The rule for ``routes``."""
         return Hindsight(
             self._model,
-            routes_of(self._scenario, paths, self._planned),
-            robot=self.robot,
+            routes,
+            robot=self.drive,
             period=self.period,
-            travel_time=self._scenario.travel_time,
+            travel_time=self.scenario.travel_time,
         )
 
     def GetRouteProbability(self, context: Context) -> NDArray[np.float64]:

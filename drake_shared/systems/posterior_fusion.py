@@ -11,18 +11,14 @@ from pydrake.systems.framework import Context
 
 from drake_shared.arbitration.fusion import Fusion
 from drake_shared.arbitration.fusion_model import FusionModel
-from drake_shared.arbitration.routes import routes_of
+from drake_shared.arbitration.routes import Routes
 from drake_shared.common.errors import InputError
-from drake_shared.learners import Learner
-from drake_shared.learners.dataset import scale_of
-from drake_shared.learners.route_clustering import group_by_route
-from drake_shared.robots import DiffDrive, Robot
+from drake_shared.robots import Robot
 from drake_shared.scenario import Scenario
-from drake_shared.scenario.route_planner import plan_routes
-from drake_shared.systems.rule_arbiter import RuleArbiter
+from drake_shared.systems.route_arbiter import RouteArbiter
 
 
-class PosteriorFusion(RuleArbiter):
+class PosteriorFusion(RouteArbiter):
     """Infers the driver's route and noise from the commands, and fuses them with the command of each route.
 
     .. pydrake_system::
@@ -66,16 +62,16 @@ class PosteriorFusion(RuleArbiter):
         model: FusionModel | None = None,
         noise_prior: str = "",
     ) -> None:
-        super().__init__(robot=robot, period=period, driver=driver, optional_inputs=("pose", "clearance"))
-        if not isinstance(self.robot, DiffDrive):
-            raise InputError("PosteriorFusion", "robot", "must be a differential drive")
-        self._scenario = scenario
+        super().__init__(
+            scenario=scenario,
+            robot=robot,
+            period=period,
+            driver=driver,
+            optional_inputs=("pose", "clearance"),
+        )
         self._model = model or FusionModel()
         if noise_prior:
             self._model = dataclasses.replace(self._model, noise_prior=_numbers(noise_prior))
-        # Planned once: it takes longer than all else that a new learner costs.
-        self._planned = plan_routes(scenario)
-        self._made: tuple[Learner | None, Fusion] | None = None
         self.DeclareRule()
 
     @property
@@ -83,22 +79,9 @@ class PosteriorFusion(RuleArbiter):
         """The model of a driver."""
         return dataclasses.asdict(self._model)
 
-    def MakeRule(self, learner: Learner | None) -> Fusion:
-        """The fusion with the routes that were demonstrated to ``learner``."""
-        # A rule has no state, so that trials can share it; its gains take as long to compute as half a trial.
-        if self._made is not None and self._made[0] is learner:
-            return self._made[1]
-        assert isinstance(self.robot, DiffDrive)
-        paths = [] if learner is None else demonstrated_paths(learner)
-        fusion = Fusion(
-            self._model,
-            routes_of(self._scenario, paths, self._planned),
-            scenario=self._scenario,
-            robot=self.robot,
-            period=self.period,
-        )
-        self._made = learner, fusion
-        return fusion
+    def MakeRouteRule(self, routes: Routes) -> Fusion:
+        """The fusion with ``routes``."""
+        return Fusion(self._model, routes, scenario=self.scenario, robot=self.drive, period=self.period)
 
     def GetRouteProbability(self, context: Context) -> NDArray[np.float64]:
         """Probability (K + J + 1,) after this step's command of each route, each goal and none of them."""
@@ -128,13 +111,3 @@ def _numbers(text: str) -> tuple[float, ...]:
         return tuple(float(part) for part in text.split())
     except ValueError as error:
         raise InputError("fusion", "noise_prior", "must be numbers with spaces between them", text) from error
-
-
-def demonstrated_paths(learner: Learner) -> list[NDArray[np.float64]]:
-    """The mean path (N, 2), in [m], of each route that was demonstrated to a learner, if that is known."""
-    if learner.demonstrations is None:
-        return []
-    positions = np.asarray(learner.demonstrations)
-    spread, extent = scale_of(positions)
-    groups = group_by_route(positions, spread=spread, extent=extent)
-    return [positions[group].mean(axis=0) for group in groups]

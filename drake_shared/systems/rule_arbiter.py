@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,6 @@ from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
 
 T = TypeVar("T")
-
-STATE_SIZE = 4096
-"""Numbers that the state of a rule can have for one trial: a Context cannot grow."""
 
 
 class RuleArbiter(Arbiter):
@@ -45,13 +42,15 @@ class RuleArbiter(Arbiter):
     Inputs, outputs and parameters are those of :class:`~drake_shared.systems.arbiter.Arbiter`.
 
     State:
-        memory (STATE_SIZE): The arrays of the rule's state, one after the other. How many of the elements are
-        used depends on the learner.
+        memory: The arrays of the rule's state, one after the other.
 
     Args:
         robot, period, driver: See :class:`~drake_shared.systems.arbiter.Arbiter`.
         optional_inputs: Of ``pose`` and ``clearance``, those that the rule uses.
     """
+
+    state_size: ClassVar[int | None] = None
+    """Numbers of the state of one trial, where they depend on the learner: a Context cannot grow."""
 
     def __init__(
         self,
@@ -70,11 +69,12 @@ class RuleArbiter(Arbiter):
 
     def DeclareRule(self) -> None:
         """Declares the rule, that of trials without a learner, its state and its updates."""
-        rule = self.MakeRule(None)
-        self._rule_index = int(self.DeclareAbstractParameter(Value(_Shared(rule))))
+        made = _Made.of(self.MakeRule(None))
+        self._size = self.state_size or sum(value.size for value in made.layout.values())
+        self._rule_index = int(self.DeclareAbstractParameter(Value(_Shared(made))))
         # Unrestricted updates of abstract state come before discrete updates, such as the plant's: those
         # would act on a command of the next step.
-        self._memory_index = int(self.DeclareDiscreteState(self._packed(rule.initial_state(1))))
+        self._memory_index = int(self.DeclareDiscreteState(self._packed(made.layout)))
         nothing = _Shared(_Step(weight=1.0, command=(), after={}))
         self._step_cache = self.DeclareCacheEntry(
             "rule_step",
@@ -89,14 +89,13 @@ class RuleArbiter(Arbiter):
         Raises:
             InputError: The rule's state is too large.
         """
-        rule = self.MakeRule(learner)
-        context.get_mutable_abstract_parameter(self._rule_index).set_value(_Shared(rule))
-        context.SetDiscreteState(self._memory_index, self._packed(rule.initial_state(1)))
+        made = _Made.of(self.MakeRule(learner))
+        context.get_mutable_abstract_parameter(self._rule_index).set_value(_Shared(made))
+        context.SetDiscreteState(self._memory_index, self._packed(made.layout))
 
     def rule(self, context: Context) -> ArbitrationRule:
         """The rule of ``context``."""
-        rule: ArbitrationRule = context.get_abstract_parameter(self._rule_index).get_value().content
-        return rule
+        return self._made_in(context).rule
 
     def state_after(self, context: Context) -> State:
         """The rule's state after this step's command, for one trial."""
@@ -112,6 +111,10 @@ class RuleArbiter(Arbiter):
         """The command of the rule; the human's where w is 1."""
         return list(finite_command(human)) if weight == 1.0 else self._step(context).command
 
+    def _made_in(self, context: Context) -> _Made:
+        made: _Made = context.get_abstract_parameter(self._rule_index).get_value().content
+        return made
+
     def _step(self, context: Context) -> _Step:
         step: _Step = self._step_cache.Eval(context).content
         return step
@@ -125,10 +128,10 @@ class RuleArbiter(Arbiter):
             pose=further.get("pose", np.empty(0))[:, None],
             clearance=further.get("clearance", np.full(1, np.inf)),
         )
-        rule = self.rule(context)
-        before = _unpacked(context.get_discrete_state(self._memory_index).value(), rule.initial_state(1))
+        made = self._made_in(context)
+        before = _unpacked(context.get_discrete_state(self._memory_index).value(), made.layout)
         with np.errstate(invalid="ignore"):
-            weight, command, after = rule.step(before, inputs)
+            weight, command, after = made.rule.step(before, inputs)
         output.set_value(_Shared(_Step(weight.item(), command[:, 0].tolist(), after)))
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
@@ -137,10 +140,10 @@ class RuleArbiter(Arbiter):
     def _packed(self, state: State) -> NDArray[np.float64]:
         """The state of a rule as a vector of the size of this system's state."""
         values = np.concatenate([np.empty(0), *(state[name].ravel() for name in sorted(state))])
-        if len(values) > STATE_SIZE:
-            expected = f"must have a state of at most {STATE_SIZE} numbers"
+        if len(values) > self._size:
+            expected = f"must have a state of at most {self._size} numbers"
             raise InputError(type(self).__name__, "rule", expected, len(values))
-        return np.concatenate([values, np.zeros(STATE_SIZE - len(values))])
+        return np.concatenate([values, np.zeros(self._size - len(values))])
 
 
 def _unpacked(values: NDArray[np.float64], like: State) -> State:
@@ -150,6 +153,16 @@ def _unpacked(values: NDArray[np.float64], like: State) -> State:
         own = values[begin : begin + value.size].reshape(value.shape)
         state[name], begin = own.astype(value.dtype), begin + value.size
     return state
+
+
+class _Made(NamedTuple):
+    rule: ArbitrationRule
+    layout: State
+    """The state before the first step of one trial, which has the shapes and types of all later ones."""
+
+    @classmethod
+    def of(cls, rule: ArbitrationRule) -> _Made:
+        return cls(rule, rule.initial_state(1))
 
 
 class _Step(NamedTuple):

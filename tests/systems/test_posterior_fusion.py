@@ -14,7 +14,8 @@ from drake_shared.operators.behaviour import Behaviour
 from drake_shared.scenario import Circle, load_scenario
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.trial import Simulation, TrialSettings
-from drake_shared.systems.posterior_fusion import PosteriorFusion, demonstrated_paths
+from drake_shared.systems.posterior_fusion import PosteriorFusion
+from drake_shared.systems.route_arbiter import demonstrated_paths
 
 SCENARIO = load_scenario("two_obstacles")
 
