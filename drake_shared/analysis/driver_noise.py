@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 
 import numpy as np
@@ -34,11 +35,16 @@ def person_of(trials: Sequence[Trial], names: Sequence[str], model: FusionModel 
         InputError: A trial is of another robot than the first, or none of them holds commands.
     """
     model = model or FusionModel()
+    # Planning the routes takes longer than a trial, and most people drive in one scenario.
+    fusions: dict[str, Fusion] = {}
     found = []
     for trial, name in zip(trials, names, strict=True):
         if trial.robot != trials[0].robot:
             raise InputError(name, "robot", f"must be that of {names[0]}")
-        noise = _noise_in(trial, name, model)
+        scenario = json.dumps(trial.metadata["scenario"], sort_keys=True)
+        if scenario not in fusions:
+            fusions[scenario] = _fusion_of(trial, name, model)
+        noise = _noise_in(trial, fusions[scenario], model)
         if noise is not None:
             found.append(noise)
     if not found:
@@ -54,15 +60,19 @@ def person_of(trials: Sequence[Trial], names: Sequence[str], model: FusionModel 
     )
 
 
-def _noise_in(trial: Trial, name: str, model: FusionModel) -> NDArray[np.float64] | None:
-    """Probability (G,) of each pair of noise and time constant, the mean over the steps with commands."""
+def _fusion_of(trial: Trial, name: str, model: FusionModel) -> Fusion:
+    """The fusion with the routes of a trial's scenario."""
     scenario = scenario_from_dict(trial.metadata["scenario"], source=f"{name}: scenario")
     robot = scenario.robot
     if not isinstance(robot, DiffDrive):
         raise InputError(name, "robot", "must be a differential drive")
     routes = routes_of(scenario, [], plan_routes(scenario))
-    fusion = Fusion(model, routes, scenario=scenario, robot=robot, period=scenario.control_period)
-    poses = np.stack([trial[column] for column in robot.configuration_names])
+    return Fusion(model, routes, scenario=scenario, robot=robot, period=scenario.control_period)
+
+
+def _noise_in(trial: Trial, fusion: Fusion, model: FusionModel) -> NDArray[np.float64] | None:
+    """Probability (G,) of each pair of noise and time constant, the mean over the steps with commands."""
+    poses = np.stack([trial[column] for column in trial.robot.configuration_names])
     human, clearance = trial.commands("human").T, trial["clearance"]
     state, sums, count = fusion.initial_state(1), np.zeros(len(model.noises) * len(model.noise_times)), 0
     nothing = np.full(1, np.nan)

@@ -28,9 +28,14 @@ class InputError(DrakeSharedError, ValueError):
     def __init__(self, source: str | os.PathLike[str], field: str, expected: str, got: object = None) -> None:
         self.source = os.fspath(source)
         self.field = field
-        where = f"{self.source}: {field}" if field else self.source
         found = "" if got is None else f", got {got}"
-        super().__init__(" ".join(f"{where} {expected}{found}".split()))
+        self._expected = f"{expected}{found}"
+        where = f"{self.source}: {field}" if field else self.source
+        super().__init__(" ".join(f"{where} {self._expected}".split()))
+
+    def within(self, source: str | os.PathLike[str], path: str = "") -> InputError:
+        """The same error of a file that holds the object at fault in its field ``path``."""
+        return InputError(source, ".".join(filter(None, (path, self.field))), self._expected)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # By default an exception is rebuilt in another process by __init__ with its text alone.

@@ -208,9 +208,7 @@ def _from_mapping(cls: type[T], data: Any, source: str | os.PathLike[str], path:
     try:
         return cls(**values)
     except InputError as error:
-        field = f"{path}.{error.field}" if path else error.field
-        expected = str(error).removeprefix(f"{error.source}: {error.field} ")
-        raise InputError(source, field, expected) from error
+        raise error.within(source, path) from error
 
 
 def _parse_options(text: str) -> dict[str, float | str]:

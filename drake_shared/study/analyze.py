@@ -137,14 +137,13 @@ def write_analysis(data: StudyData, found: Analysis, *, rerun: str) -> Path:
         or "none",
         "participants": "simulated" if simulated else "people",
     }
-    overlay = templates().overlay(loader=_loader())
     write_report(
         folder,
         sections,
         title=data.study.title or data.study.name,
         about=about,
         rerun=rerun,
-        template=overlay.get_template("study.html"),
+        template=_templates().get_template("study.html"),
     )
     for name, rows in tables.items():
         if rows:
@@ -155,15 +154,17 @@ def write_analysis(data: StudyData, found: Analysis, *, rerun: str) -> Path:
     return folder / "report.html"
 
 
-def _loader() -> Any:
+def _templates() -> Any:
+    """The templates of the experiments' reports and those of studies."""
     import jinja2
 
-    return jinja2.ChoiceLoader([jinja2.PackageLoader("drake_shared.study"), templates().loader])  # type: ignore[list-item]
+    loaders = [jinja2.PackageLoader("drake_shared.study"), templates().loader]
+    return templates().overlay(loader=jinja2.ChoiceLoader(loaders))  # type: ignore[arg-type]
 
 
 def _notebook(data: StudyData) -> dict[str, Any]:
     """A Jupyter notebook that repeats the analysis from the tidy data; run it in the folder of the report."""
-    cells = templates().overlay(loader=_loader()).get_template("analysis.txt").render(name=data.study.name)
+    cells = _templates().get_template("analysis.txt").render(name=data.study.name)
     return {
         "nbformat": 4,
         "nbformat_minor": 5,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import re
 from collections.abc import Mapping
@@ -189,13 +190,21 @@ class Study:
 
     def orders(self) -> list[Order]:
         """The conditions of each participant, in their order; see `drake_shared.study.orders`."""
+        return self._orders
+
+    @functools.cached_property
+    def _orders(self) -> list[Order]:
         count = len(self.conditions)
         if self.design == "between":
             return assign_groups(count, self.participants, self.seed)
         return assign_orders(self.order, count, self.participants, self.seed)
 
     def load_scenario(self) -> Scenario:
-        """The scenario of the trials."""
+        """The scenario of the trials, read once."""
+        return self._scenario
+
+    @functools.cached_property
+    def _scenario(self) -> Scenario:
         named = self.scenario in shipped_scenarios()
         return load_scenario(self.scenario if named else self.folder / self.scenario)
 
@@ -246,8 +255,7 @@ def study_from_json(data: Any, *, source: str | os.PathLike[str]) -> Study:
     except InputError as error:
         if error.source != "study":
             raise
-        expected = str(error).removeprefix(f"study: {error.field} ")
-        raise InputError(source, error.field, expected) from error
+        raise error.within(source) from error
     return study
 
 

@@ -46,8 +46,7 @@ def read_fields(schema: type[T], data: Any, *, source: Source, path: str = "") -
     try:
         return schema(**values)
     except InputError as error:
-        expected = str(error).removeprefix(f"{error.source}: {error.field} ")
-        raise InputError(source, _join(path, error.field), expected) from error
+        raise error.within(source, path) from error
 
 
 def _value(kind: Any, value: Any, source: Source, path: str) -> Any:
@@ -85,8 +84,7 @@ def _config(value: Any, source: Source, path: str) -> SharedControlConfig:
     try:
         return SharedControlConfig.from_json(value, source=source)
     except InputError as error:
-        expected = str(error).removeprefix(f"{error.source}: {error.field} ")
-        raise InputError(source, _join(path, error.field), expected) from error
+        raise error.within(source, path) from error
 
 
 def _join(path: str, name: object) -> str:

@@ -36,7 +36,7 @@ _INFLUENCE = 0.15
 # Most pairs that limit the motion in a step, the nearest ones.
 _PAIRS = 10
 # An approach to a limit slows down as exp(-t / _BRAKING_TIME), in [s]: joints that are all slowed down so
-# keep # every limit, and can be, since they are no faster than their largest acceleration times this.
+# keep every limit, and can be, since they are no faster than their largest acceleration times this.
 _BRAKING_TIME = 0.25
 # Share of an error in orientation, and in posture, that is corrected, in [1/s].
 _ORIENTATION_GAIN, _POSTURE_GAIN = 4.0, 0.3
@@ -76,8 +76,8 @@ class ArmPlant(LeafSystem):
     The joint speeds of a step minimize the error in the velocity and the orientation of the tip, within the
     limits of joint positions, speeds and accelerations, with the tip turned by at most 3 degrees; what the
     tip does not feel moves the joints toward home. With a clearance the arm slows down before obstacles and
-    keeps it. Without,
-    it stops where it touches them: as an impact does, that may exceed the acceleration limit.
+    keeps it. Without, it stops where it touches them: as an impact does, that may exceed the acceleration
+    limit.
 
     Args:
         robot: The arm.

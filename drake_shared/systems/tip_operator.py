@@ -85,7 +85,7 @@ class TipOperator(LeafSystem):
         planes_index = self.DeclareDiscreteState(2)
         self._command_index, self._planes_index = int(command_index), int(planes_index)
         # Arc length reached on the route, in [m]; time left of a switch, in [s]; noise (3) and intended
-        # command (3), # in [m/s].
+        # command (3), in [m/s].
         self._mind_index = int(self.DeclareDiscreteState(8))
         self._seen_index = int(self.DeclareDiscreteState(np.tile(first.waypoints[0], self._law.memory)))
         self.DeclareStateOutputPort("human_command", command_index)
