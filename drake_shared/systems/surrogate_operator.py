@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import Generic, TypeVar
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, DiscreteValues, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import Context, DiscreteValues, InputPort, OutputPort
 
-from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import Behaviour
-from drake_shared.operators.imperfections import answered, coloured_noise, slipped, within_limits
+from drake_shared.operators.imperfections import coloured_noise, slipped, within_limits
 from drake_shared.operators.steering import SteeringLaw
 from drake_shared.scenario import Route, Scenario
 from drake_shared.scenario.paths import Path
 from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
-
-P = TypeVar("P")
+from drake_shared.systems.route_operator import RouteOperator
 
 __all__ = ["Behaviour", "SurrogateOperator"]
 
 
-class SurrogateOperator(LeafSystem):
+class SurrogateOperator(RouteOperator[Path]):
     """Follows a route of the scenario by the :class:`~drake_shared.operators.steering.SteeringLaw`.
 
     .. pydrake_system::
@@ -64,25 +60,12 @@ class SurrogateOperator(LeafSystem):
     """
 
     def __init__(self, *, scenario: Scenario) -> None:
-        super().__init__()
-        self.set_name("surrogate_operator")
-        if not scenario.routes:
-            raise InputError(f"scenario {scenario.name}", "routes", "must name at least one route")
-        self._scenario = scenario
         self._robot = scenario.diff_drive
-        self._fastest = self._robot.max_wheel_speed
+        super().__init__(scenario=scenario, fastest=self._robot.max_wheel_speed)
+        self.set_name("surrogate_operator")
         self._period = scenario.control_period
         self._law = SteeringLaw(scenario)
-        self._pose_port = self.DeclareVectorInputPort("pose", 3)
-        self._noise_port = self.DeclareVectorInputPort("noise", 2)
-        self._chance_port = self.DeclareVectorInputPort("chance", 4)
-        self._weight_port = self.DeclareVectorInputPort("human_weight", 1)
-        self._shared_port = self.DeclareVectorInputPort("shared_command", 2)
-        first = IntendedRoute(scenario.path_of(scenario.routes[0]))
-        self._route_index = int(self.DeclareAbstractParameter(Value(first)))
-        self._behaviour_index = int(self.DeclareAbstractParameter(Value(Behaviour())))
         command_index = self.DeclareDiscreteState(2)
-        # Access by int takes half the time of access by Drake's index types.
         self._command_index = int(command_index)
         # Arc length reached on the route, in [m]; the noise on both wheels, and their intended speeds, in
         # [rad/s].
@@ -99,28 +82,15 @@ class SurrogateOperator(LeafSystem):
         """The port ``human_command``."""
         return self._command_port
 
-    def SetBehaviour(
-        self, context: Context, *, route: Route, behaviour: Behaviour, then: Route | None = None
-    ) -> None:
-        """Sets the route that the operator of ``context`` intends, and how it drives.
+    def PathOf(self, route: Route) -> Path:
+        """The curve of a route of the scenario, in the plane."""
+        return self._scenario.path_of(route)
 
-        Args:
-            context: Of this system.
-            route: Of the scenario.
-            behaviour: Delay, noise and the like.
-            then: Route to which the operator changes at ``behaviour.switch_time``.
-        """
-        paths = [self._scenario.path_of(item) for item in (route, then) if item is not None]
-        context.get_mutable_abstract_parameter(self._route_index).set_value(IntendedRoute(*paths))
-        context.get_mutable_abstract_parameter(self._behaviour_index).set_value(behaviour)
-
-    set_behaviour = SetBehaviour
+    set_behaviour = RouteOperator.SetBehaviour
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        route: IntendedRoute[Path] = context.get_abstract_parameter(self._route_index).get_value()
-        behaviour: Behaviour = context.get_abstract_parameter(self._behaviour_index).get_value()
+        behaviour, path = self.intention(context)
         law, now = self._law, context.get_time()
-        path = route.path(changed=now >= behaviour.switch_time)
         remembered = context.get_discrete_state(self._seen_index).value()
         seen = np.concatenate((self._pose_port.Eval(context), remembered[:-3]))
         mind = context.get_discrete_state(self._mind_index).value().tolist()
@@ -152,37 +122,10 @@ class SurrogateOperator(LeafSystem):
                 intended = slipped(behaviour, intended, last, chance, self._fastest)
             command = intended
             if behaviour.stubbornness or behaviour.yielding:
-                command = self._answer_assistance(context, behaviour, intended, last)
+                command = self.answer(context, behaviour, intended, last)
         else:
             command = intended = [0.0, 0.0]  # Without hands on the controls there is no noise either.
         # Arrays are converted faster than lists.
         state.set_value(self._command_index, np.array(command))
         state.set_value(self._mind_index, np.array([reached, left_noise, right_noise, *intended]))
         state.set_value(self._seen_index, seen)
-
-    def _answer_assistance(
-        self, context: Context, behaviour: Behaviour, intended: list[float], last: list[float]
-    ) -> list[float]:
-        """The intended command, changed by the arbiter's output for the last command."""
-        shared, weight = last, 1.0
-        if behaviour.stubbornness and self._shared_port.HasValue(context):
-            shared = self._shared_port.Eval(context).tolist()
-        if behaviour.yielding and self._weight_port.HasValue(context):
-            weight = self._weight_port.Eval(context).item()
-        return answered(behaviour, intended, last, shared, weight, self._fastest)
-
-
-class IntendedRoute(Generic[P]):
-    """The curve of a route, perhaps with another one to change to."""
-
-    def __init__(self, first: P, then: P | None = None) -> None:
-        self._first = first
-        self._then = then
-
-    def path(self, *, changed: bool) -> P:
-        """The curve that the operator follows before, or after, the change."""
-        return self._then if changed and self._then is not None else self._first
-
-    def __deepcopy__(self, memo: dict[int, object]) -> IntendedRoute[P]:
-        # Immutable, and Drake copies the parameters of a Context often.
-        return self

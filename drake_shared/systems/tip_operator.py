@@ -7,21 +7,19 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues
 
 from drake_shared.common.errors import InputError
-from drake_shared.operators.behaviour import Behaviour
-from drake_shared.operators.imperfections import answered, coloured_noise, slipped, within_limits
+from drake_shared.operators.imperfections import coloured_noise, slipped, within_limits
 from drake_shared.operators.reaching import PLANES, ReachingLaw
 from drake_shared.robots import Arm
 from drake_shared.scenario import Route, Scenario
 from drake_shared.scenario.space_path import SpacePath
 from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
-from drake_shared.systems.surrogate_operator import IntendedRoute
+from drake_shared.systems.route_operator import RouteOperator
 
 
-class TipOperator(LeafSystem):
+class TipOperator(RouteOperator[SpacePath]):
     """Moves the tip of an arm by the :class:`~drake_shared.operators.reaching.ReachingLaw`.
 
     .. pydrake_system::
@@ -61,57 +59,34 @@ class TipOperator(LeafSystem):
     log_columns: ClassVar[Mapping[str, tuple[str, ...]]] = {"planes": ("plane", "plane_switches")}
 
     def __init__(self, *, scenario: Scenario) -> None:
-        super().__init__()
-        self.set_name("tip_operator")
         robot = scenario.robot
         if not isinstance(robot, Arm):
             expected = "must be an Arm for the TipOperator"
             raise InputError(f"scenario {scenario.name}", "robot", expected, type(robot).__name__)
-        if not scenario.routes:
-            raise InputError(f"scenario {scenario.name}", "routes", "must name at least one route")
+        super().__init__(scenario=scenario, fastest=robot.max_speed)
+        self.set_name("tip_operator")
         self._robot, self._period = robot, scenario.control_period
         self._law = ReachingLaw(scenario)
-        self._pose_port = self.DeclareVectorInputPort("pose", len(robot.configuration_names))
-        self._noise_port = self.DeclareVectorInputPort("noise", 3)
-        self._chance_port = self.DeclareVectorInputPort("chance", 5)
-        self._weight_port = self.DeclareVectorInputPort("human_weight", 1)
-        self._shared_port = self.DeclareVectorInputPort("shared_command", 3)
-        first = scenario.routes[0]
-        self._route_index = int(
-            self.DeclareAbstractParameter(Value(IntendedRoute(SpacePath(first.waypoints))))
-        )
-        self._behaviour_index = int(self.DeclareAbstractParameter(Value(Behaviour())))
         command_index = self.DeclareDiscreteState(3)
         planes_index = self.DeclareDiscreteState(2)
         self._command_index, self._planes_index = int(command_index), int(planes_index)
         # Arc length reached on the route, in [m]; time left of a switch, in [s]; noise (3) and intended
         # command (3), in [m/s].
         self._mind_index = int(self.DeclareDiscreteState(8))
-        self._seen_index = int(self.DeclareDiscreteState(np.tile(first.waypoints[0], self._law.memory)))
+        self._seen_index = int(
+            self.DeclareDiscreteState(np.tile(scenario.routes[0].waypoints[0], self._law.memory))
+        )
         self.DeclareStateOutputPort("human_command", command_index)
         self.DeclareStateOutputPort("planes", planes_index)
         DeclareDiscreteUpdate(self, period=self._period, update=self._update)
 
-    def SetBehaviour(
-        self, context: Context, *, route: Route, behaviour: Behaviour, then: Route | None = None
-    ) -> None:
-        """Sets the route that the operator of ``context`` intends, and how it moves the tip.
-
-        Args:
-            context: Of this system.
-            route: Of the scenario.
-            behaviour: Delay, noise and the like; noise in [m/s].
-            then: Route to which the operator changes at ``behaviour.switch_time``.
-        """
-        paths = [SpacePath(item.waypoints) for item in (route, then) if item is not None]
-        context.get_mutable_abstract_parameter(self._route_index).set_value(IntendedRoute(*paths))
-        context.get_mutable_abstract_parameter(self._behaviour_index).set_value(behaviour)
+    def PathOf(self, route: Route) -> SpacePath:
+        """The curve of a route of the scenario, in space."""
+        return SpacePath(route.waypoints)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
-        route: IntendedRoute[SpacePath] = context.get_abstract_parameter(self._route_index).get_value()
-        behaviour: Behaviour = context.get_abstract_parameter(self._behaviour_index).get_value()
+        behaviour, path = self.intention(context)
         law, now = self._law, context.get_time()
-        path = route.path(changed=now >= behaviour.switch_time)
         remembered = context.get_discrete_state(self._seen_index).value()
         seen = np.concatenate((self._pose_port.Eval(context)[:3], remembered[:-3]))
         reached, switching, *rest = context.get_discrete_state(self._mind_index).value().tolist()
@@ -137,26 +112,17 @@ class TipOperator(LeafSystem):
             behaviour, noise, meant.tolist(), self._noise_port.Eval(context).tolist(), keep
         )
         if steers and switching <= 0.0:
-            fastest = self._robot.max_speed
-            intended = within_limits(self._robot.limited(((meant + noise) * axes).tolist()), fastest)
+            intended = within_limits(self._robot.limited(((meant + noise) * axes).tolist()), self._fastest)
             if behaviour.lag or behaviour.random_share:
                 intended = slipped(
-                    behaviour, intended, last, self._chance_port.Eval(context).tolist(), fastest
+                    behaviour, intended, last, self._chance_port.Eval(context).tolist(), self._fastest
                 )
             command = intended
             if behaviour.stubbornness or behaviour.yielding:
-                command = self._answer_assistance(context, behaviour, intended, last)
+                command = self.answer(context, behaviour, intended, last)
         else:
             command = intended = [0.0, 0.0, 0.0]
         state.set_value(self._command_index, np.array(command))
         state.set_value(self._planes_index, np.array([plane, switches]))
         state.set_value(self._mind_index, np.array([reached, switching, *noise, *intended]))
         state.set_value(self._seen_index, seen)
-
-    def _answer_assistance(
-        self, context: Context, behaviour: Behaviour, intended: list[float], last: list[float]
-    ) -> list[float]:
-        """The intended command, changed by the arbiter's output for the last command."""
-        shared = self._shared_port.Eval(context).tolist() if self._shared_port.HasValue(context) else last
-        weight = self._weight_port.Eval(context).item() if self._weight_port.HasValue(context) else 1.0
-        return answered(behaviour, intended, last, shared, weight, self._robot.max_speed)
