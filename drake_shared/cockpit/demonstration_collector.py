@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import Any
 
 from drake_shared.common.errors import InputError
@@ -101,7 +102,7 @@ class DemonstrationCollector:
         if self._out is not None and self._kept:
             write_demonstrations(self._out, self.collected(), durable=True)
         elif self._out is not None:
-            os.unlink(self._out)
+            Path(self._out).unlink(missing_ok=True)
         self.unsaved = False
 
     def collected(self) -> Demonstrations:

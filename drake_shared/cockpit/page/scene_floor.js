@@ -14,6 +14,16 @@ const SHADER = {
     void main() { gl_FragColor = texture2D(map, at); }`,
 };
 
+// Fills the ground plan of an obstacle; moves the context's origin to it.
+export function fillObstacle(context, { x, y, yaw = 0, radius, length, width }) {
+  context.translate(x, y);
+  context.rotate(yaw);
+  context.beginPath();
+  if (radius !== undefined) context.arc(0, 0, radius, 0, 2 * Math.PI);
+  else context.rect(-length / 2, -width / 2, length, width);
+  context.fill();
+}
+
 export class Floor {
   group = new THREE.Group();
   #theme;
@@ -130,12 +140,7 @@ export class Floor {
     context.shadowOffsetX = 0.07 * unit * scale;
     context.shadowOffsetY = 0.09 * unit * scale;
     context.fillStyle = this.#theme.css("obstacle");
-    context.translate(obstacle.x, obstacle.y);
-    context.rotate(obstacle.yaw ?? 0);
-    context.beginPath();
-    if (obstacle.radius !== undefined) context.arc(0, 0, obstacle.radius, 0, 2 * Math.PI);
-    else context.rect(-obstacle.length / 2, -obstacle.width / 2, obstacle.length, obstacle.width);
-    context.fill();
+    fillObstacle(context, obstacle);
     context.restore();
   }
 

@@ -1,6 +1,8 @@
 // The view from above on computers without a graphics card: Meshcat draws what stands still, and once the robot;
 // a 2-D canvas above that picture draws what moves, which takes less time than a whole frame.
 
+import { fillObstacle } from "./scene_floor.js";
+
 const { THREE } = window.MeshCat;
 
 const ROBOT = ["drake", "scene", "robot"];
@@ -128,12 +130,7 @@ export class Layers {
     context.globalCompositeOperation = "destination-out";
     for (const obstacle of this.#scene.task().obstacles) {
       context.save();
-      context.translate(obstacle.x, obstacle.y);
-      context.rotate(obstacle.yaw ?? 0);
-      context.beginPath();
-      if (obstacle.radius !== undefined) context.arc(0, 0, obstacle.radius, 0, 2 * Math.PI);
-      else context.rect(-obstacle.length / 2, -obstacle.width / 2, obstacle.length, obstacle.width);
-      context.fill();
+      fillObstacle(context, obstacle);
       context.restore();
     }
     context.globalCompositeOperation = "source-over";
