@@ -1,6 +1,7 @@
 """What several tests need: scenarios, a learner without training, and a step of a discrete system."""
 
 import copy
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,6 +17,11 @@ from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 
 # Their files take longest. They come first, so that no process is left with one of them at the end.
 _LONG = ("experiments", "cockpit", "docs", "analysis", "cli", "learners")
+
+
+def pytest_configure() -> None:
+    # A shell lets its background jobs ignore interrupts, which tests send to themselves and to subprocesses.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

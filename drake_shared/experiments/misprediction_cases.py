@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 from typing import Any
 
@@ -100,30 +101,25 @@ def variants(scenario: str | None, case: str = "obstacle") -> tuple[Scenario, ..
         InputError: No route can pass beside a new obstacle.
     """
     world = scenario_of(scenario)
-    found = []
+    found: list[Scenario] = []
     for route in world.routes:
-        possible = [
+        possible = (
             _with_obstacle(world, route, share, side * PASSAGES[case])
             for share in _PLACES
             for side in (1.0, -1.0)
-        ]
-        clearance, best = max(possible, key=lambda one: one[0])
-        if best is not None and clearance >= _LEAST_CLEARANCE:
-            found.append(best)
+        )
+        # Whether a scenario is valid takes longer to find out than its clearance.
+        ordered = sorted(((_clearance(one), one) for one in possible), key=lambda one: -one[0])
+        roomy = (one for clearance, one in ordered if clearance >= _LEAST_CLEARANCE)
+        found += itertools.islice(filter(_is_valid, roomy), 1)
     if not found:
         expected = "must contain a route that can pass beside a new obstacle"
         raise InputError(f"scenario {world.name}", "routes", expected)
     return tuple(found)
 
 
-def _with_obstacle(
-    world: Scenario, route: Route, share: float, space: float
-) -> tuple[float, Scenario | None]:
-    """Puts a new obstacle on a route, which passes it on the left, or on the right if ``space`` is negative.
-
-    Returns:
-        The clearance, in [m], and the scenario; minus infinity and None if the scenario is invalid.
-    """
+def _with_obstacle(world: Scenario, route: Route, share: float, space: float) -> Scenario:
+    """A new obstacle on a route, which passes it on the left, or on the right if ``space`` is negative."""
     path = route.path(world.start)
     along = share * path.length
     x, y, yaw, _ = path.frame(along)
@@ -136,17 +132,20 @@ def _with_obstacle(
     waypoints = [route.waypoints[0], *(point for _, point in sorted(points)), route.waypoints[-1]]
     pillar = Circle(name="new_obstacle", x=x, y=y, radius=RADIUS)
     sides = {**route.sides, pillar.name: "left" if space > 0 else "right"}
-    changed = dataclasses.replace(
+    return dataclasses.replace(
         world,
         name=f"{world.name}_{route.name}_blocked",
         obstacles=[*world.obstacles, pillar],
         routes=[dataclasses.replace(route, waypoints=waypoints, sides=sides)],
     )
+
+
+def _is_valid(scenario: Scenario) -> bool:
     try:
-        check_scenario(changed)
+        check_scenario(scenario)
     except InputError:
-        return -math.inf, None
-    return _clearance(changed), changed
+        return False
+    return True
 
 
 def _clearance(world: Scenario) -> float:

@@ -171,11 +171,14 @@ def test_a_short_silence_only_brakes(long_cockpit, until):
     cockpit = long_cockpit
     lock = cockpit.driver_lock
     assert lock.engage(1)
-    lock.move(1, Move(x=0, y=-200, forward=0, turn=0))
-    until(lambda: cockpit.command.any(), "the robot to be driven")
+
+    def driven() -> bool:
+        lock.move(1, Move(x=0, y=-200, forward=0, turn=0))
+        return cockpit.command.any()
+
+    until(driven, "the robot to be driven")
     until(lambda: not cockpit.command.any(), "the silence to be noticed")
-    lock.move(1, Move(x=0, y=-200, forward=0, turn=0))
-    until(lambda: cockpit.command.any(), "the robot to be driven again")
+    until(driven, "the robot to be driven again")
     lock.release(1)
     trial = cockpit.next_trial()
     assert trial.status == "stopped"

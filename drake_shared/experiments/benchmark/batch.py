@@ -31,7 +31,7 @@ _METHOD = (
 
 def run(setup: Setup) -> GroupResult:
     """Runs the group."""
-    count, trials, repeats = (12, 20, 1) if setup.quick else (300, 2_000, 3)
+    count, trials, repeats = (6, 20, 1) if setup.quick else (300, 2_000, 3)
     # Rates beyond the start, and of whole batches.
     rates = np.empty((2, len(WORKERS), repeats))
     with tempfile.TemporaryDirectory() as folder:

@@ -1,17 +1,33 @@
 """Setup of a quick benchmark, with one learner for all tests."""
 
+import dataclasses
 import math
+from functools import cached_property
 
 import pytest
 
 from drake_shared.experiments.benchmark import common
 from drake_shared.experiments.benchmark.common import Setup
 from drake_shared.experiments.benchmark.results import GroupResult
+from drake_shared.scenario import Scenario, load_scenario
+from drake_shared.simulation.teaching import teach
+
+
+class ShortSetup(Setup):
+    """Trials of one second."""
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        return dataclasses.replace(load_scenario(), duration=1.0)
+
+    @cached_property
+    def route_demonstrations(self):
+        return teach(load_scenario())
 
 
 @pytest.fixture(scope="session")
 def setup() -> Setup:
-    return Setup(quick=True, repeats=2)
+    return ShortSetup(quick=True, repeats=2)
 
 
 @pytest.fixture

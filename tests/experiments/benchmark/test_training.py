@@ -12,6 +12,7 @@ from drake_shared.experiments.benchmark import training
 from drake_shared.experiments.benchmark.plain_cnmp import PlainCnmp
 from drake_shared.experiments.benchmark.routes import drive_routes, make_route_data
 from drake_shared.experiments.benchmark.training import QUICK, attempt
+from drake_shared.scenario import load_scenario
 
 TIMES = np.linspace(0.0, 5.0, 51)
 
@@ -46,8 +47,8 @@ def test_routes_that_are_nowhere_separate_are_refused():
         make_route_data(two_routes(2), two_routes(2, height=0.0))
 
 
-def test_simulated_routes_reach_the_goal_at_an_extent_of_one_metre(setup):
-    driven = drive_routes(setup.scenario, count=3)
+def test_simulated_routes_reach_the_goal_at_an_extent_of_one_metre():
+    driven = drive_routes(load_scenario(), count=3)
     positions = np.stack([item.positions for item in driven])
     assert np.ptp(positions.reshape(-1, 2), axis=0).max() == pytest.approx(1.0)
     ends = positions[:, -1]
