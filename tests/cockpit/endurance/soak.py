@@ -16,7 +16,9 @@ from drake_shared.cockpit.chromium import CHROMIUM_ARGUMENTS, find_chromium
 DRIFT = 0.01
 """Relative difference allowed between wall-clock time and simulated time."""
 GROWTH = 10.0
-"""Growth of memory allowed after the warm-up, in [MB]."""
+"""Growth of the program's memory allowed after the warm-up, in [MB]."""
+PAGE_GROWTH = 20.0
+"""Growth of the page's own memory allowed after the warm-up, in [MB]."""
 
 _WARM_UP_TRIALS = 2  # The first log loads what writes logs.
 _TIMEOUT = 30_000  # ms
@@ -59,7 +61,9 @@ def _drive(page: Any, served: Served, seconds: float) -> tuple[dict[str, Any], f
     page.on("pageerror", lambda error: page_errors.append(str(error)))
     page.set_default_timeout(_TIMEOUT)
     page.goto(served.address)
-    heaps: list[float] = []
+    inspector = page.context.new_cdp_session(page)
+    inspector.send("Performance.enable")
+    heaps: list[dict[str, float]] = []
     started = 0
     end = time.monotonic() + seconds
     warm = end
@@ -78,15 +82,22 @@ def _drive(page: Any, served: Served, seconds: float) -> tuple[dict[str, Any], f
                 page.wait_for_selector("body:not([data-driver-lock=yours])")
         page.keyboard.up("ArrowUp")
         page.wait_for_selector("#deck[data-phase=finished]")
-        heaps.append(page.evaluate("performance.memory.usedJSHeapSize") / 2**20)
+        heaps.append(_page_memory(inspector))
         if started == _WARM_UP_TRIALS:
             warm = time.monotonic()
     driven = {
         "started": started,
         "page_errors": sorted(set(page_errors)),
-        "page_heap": [round(heaps[0], 1), round(heaps[-1], 1)] if heaps else None,
+        "page_memory": heaps,
     }
     return driven, warm
+
+
+def _page_memory(inspector: Any) -> dict[str, float]:
+    """Returns the memory of the page's scripts in [MB] and its number of nodes, without what is garbage."""
+    inspector.send("HeapProfiler.collectGarbage")
+    metrics = {item["name"]: item["value"] for item in inspector.send("Performance.getMetrics")["metrics"]}
+    return {"heap": round(metrics["JSHeapUsedSize"] / 2**20, 2), "nodes": metrics["Nodes"]}
 
 
 def _flatness(memory: MemoryWatch, warm: float) -> dict[str, Any]:
@@ -113,6 +124,9 @@ def _judge(report: dict[str, Any], errors: list[str]) -> dict[str, Any]:
         or not report["memory_range"] <= 2 * GROWTH
     ):
         broken.append("memory is not flat")
+    page = [sample["heap"] for sample in report["page_memory"][_WARM_UP_TRIALS - 1 :]]
+    if not page or not max(page) - page[0] <= PAGE_GROWTH:
+        broken.append("the page's memory is not flat")
     if report["started"] != report["trials"]:
         broken.append(f"{report['started']} trials were driven and {report['trials']} logged")
     broken += [f"a trial ended as {status}" for status in report["statuses"] if status == "page_closed"]
