@@ -41,7 +41,9 @@ def choose_model(scenario: Scenario, model: Path | None, preset: str) -> Path:
         return model
     shipped = shipped_model(scenario.name, preset)
     if shipped is None:
-        raise InputError("--model", "", f"must be given: no learner ships for scenario {scenario.name!r}")
+        expected = f"must be given: no learner ships for scenario {scenario.name!r}"
+        expected += "; train makes one, and a human drives without (--driver human)"
+        raise InputError("--model", "", expected)
     return shipped
 
 

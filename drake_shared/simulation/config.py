@@ -49,13 +49,13 @@ class SharedControlConfig:
     path_repair: bool = True
     """Predicted paths that lead through obstacles known to the agent are moved aside, or end there."""
     safety_clearance: float | None = None
-    """Distance that a safety filter keeps to obstacles, in m; None: no filter."""
+    """Distance that a safety filter keeps to obstacles, in m. None turns the filter off."""
     feedback: Feedback = dataclasses.field(default_factory=Feedback)
     """What the person feels of a conflict with the agent."""
     faults: Faults = dataclasses.field(default_factory=Faults)
     """Faults that are injected; all zero: none."""
     confidence_gain: float | None = None
-    """K of eq. (1), in 1/m^2; None: the learner's own."""
+    """K of eq. (1), in 1/m^2. None takes the learner's own."""
     end: Literal["reached", "duration"] = "reached"
     """The trial ends at the goal, or always at its full duration."""
 
