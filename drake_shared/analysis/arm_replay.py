@@ -24,6 +24,7 @@ from drake_shared.robots import Arm
 from drake_shared.robots.arm_model import ArmModel
 from drake_shared.scenario import Scenario
 from drake_shared.scenario.obstacles import register_obstacles
+from drake_shared.simulation.scene_drawing import start_quiet_meshcat
 from drake_shared.simulation.trial import Trial
 from drake_shared.systems.intention_visualizer import AGENT_COLOR, HUMAN_COLOR, SHARED_COLOR
 from drake_shared.systems.log_playback import LogPlayback
@@ -49,7 +50,7 @@ def arm_page(
         ribbons: Predicted routes at every ``every``-th row; none are drawn without any.
         every: As above.
     """
-    meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+    meshcat = start_quiet_meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
     show_scene(meshcat, scenario, arm)
     builder = DiagramBuilder()
     scene_graph = builder.AddSystem(SceneGraph())

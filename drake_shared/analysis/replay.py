@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import (
-    Meshcat,
     MeshcatParams,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
@@ -35,7 +34,7 @@ from drake_shared.robots.description import require_diff_drive
 from drake_shared.robots.illustration import register_robot
 from drake_shared.scenario import Scenario, scenario_from_dict
 from drake_shared.scenario.obstacles import position_at, register_obstacles
-from drake_shared.simulation.scene_drawing import center_scene
+from drake_shared.simulation.scene_drawing import center_scene, start_quiet_meshcat
 from drake_shared.simulation.trial import Trial
 from drake_shared.systems.intention_estimator import IntentionEstimator
 from drake_shared.systems.log_playback import LogPlayback
@@ -106,7 +105,7 @@ def write_replay(
 
 def _meshcat_page(scenario: Scenario) -> str:
     """Meshcat's own page with robot and obstacles."""
-    meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+    meshcat = start_quiet_meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
     center_scene(meshcat, scenario)
     builder = DiagramBuilder()
     scene_graph = builder.AddSystem(SceneGraph())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import base64
 import hashlib
-import logging
 import mimetypes
 import random
 import re
@@ -18,6 +17,7 @@ from pydrake.geometry import Meshcat, MeshcatParams
 
 from drake_shared.cockpit.access import is_upgrade
 from drake_shared.cockpit.scene_relay import relay_from
+from drake_shared.simulation.scene_drawing import start_quiet_meshcat
 
 _SCRIPT = '<script type="module" src="/cockpit/main.js"></script>\n'
 _HEAD = '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -37,14 +37,7 @@ def start_meshcat() -> Meshcat:
     host = "127.0.0.1"
     if sys.platform == "linux":
         host = f"127.{random.randint(1, 254)}.{random.randint(1, 254)}.{random.randint(2, 254)}"
-    logger = logging.getLogger("drake")
-    level = logger.level
-    # Meshcat would log its own address, which is not the one to open.
-    logger.setLevel(logging.WARNING)
-    try:
-        return Meshcat(MeshcatParams(host=host, port=0))
-    finally:
-        logger.setLevel(level)
+    return start_quiet_meshcat(MeshcatParams(host=host, port=0))
 
 
 class MeshcatProxy:

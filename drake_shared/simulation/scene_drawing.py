@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
-from pydrake.geometry import Meshcat
+import logging
+
+from pydrake.geometry import Meshcat, MeshcatParams
 from pydrake.math import RigidTransform
 
 from drake_shared.scenario import Scenario
+
+
+def start_quiet_meshcat(params: MeshcatParams) -> Meshcat:
+    """Starts a Meshcat that does not log its own address, where that is not the one to open."""
+    logger = logging.getLogger("drake")
+    level = logger.level
+    logger.setLevel(logging.WARNING)
+    try:
+        return Meshcat(params)
+    finally:
+        logger.setLevel(level)
 
 
 def center_scene(meshcat: Meshcat, scenario: Scenario) -> None:

@@ -1,5 +1,7 @@
 """A trial as a self-contained page."""
 
+import logging
+
 import pytest
 
 from drake_shared.analysis.replay import write_replay
@@ -18,6 +20,14 @@ def test_the_page_is_self_contained(page):
     assert page.lstrip().lower().startswith("<!doctype html>")
     assert 'src="http' not in page
     assert 'src="meshcat.js' not in page
+
+
+def test_the_address_of_the_meshcat_that_draws_it_is_not_logged(human_trial, tmp_path, caplog):
+    logger = logging.getLogger("drake")
+    with caplog.at_level(logging.INFO, logger="drake"):
+        logger.info("recorded")
+        write_replay(human_trial, tmp_path / "trial.html", learner=None)
+    assert [record.message for record in caplog.records if record.name == "drake"] == ["recorded"]
 
 
 def scene(page: str) -> bytes:
