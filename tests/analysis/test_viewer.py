@@ -9,6 +9,7 @@ import urllib.request
 
 import numpy as np
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 
 from drake_shared.analysis.glossary import OF_TRIALS
 from drake_shared.analysis.viewer import Catalogue, Viewer, write_page
@@ -179,6 +180,12 @@ def test_the_command_writes_a_page_or_says_what_is_wrong(folder, tmp_path, capsy
         assert (said.out, said.err.count("\n")) == ("", 1)
 
 
+def violations(page) -> list:
+    """What axe-core finds."""
+    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+    return [(item["id"], [node["target"] for node in item["nodes"]]) for item in found]
+
+
 @pytest.mark.browser
 def test_the_page_filters_opens_and_lays_trials_over_each_other(viewer, folder, tmp_path):
     path = find_chromium()
@@ -221,8 +228,12 @@ def test_the_page_filters_opens_and_lays_trials_over_each_other(viewer, folder, 
             curves = page.locator("#charts path").evaluate_all("all => all.map(one => one.getAttribute('d'))")
             assert any(curve.count("M") > 5 for curve in curves)
             assert not any("NaN" in curve for curve in curves)
+            assert violations(page) == []
             page.set_viewport_size({"width": 390, "height": 844})
             page.wait_for_function("innerWidth === 390")
+            page.click("#theme")
+            page.wait_for_selector(":root[data-theme=dark]")
+            assert violations(page) == []
             page.wait_for_function(
                 "document.documentElement.scrollWidth === document.documentElement.clientWidth"
             )

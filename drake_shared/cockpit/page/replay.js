@@ -17,6 +17,7 @@ const metres = (length) => (length === null || length === undefined ? "–" : `$
 
 document.body.classList.add("replay");
 const pane = at("meshcat-pane");
+pane.setAttribute("role", "main");
 at("replay-header").after(pane);
 if (at("note")) at("replay-header").append(at("note"));
 const scene = new Scene(window.viewer, pane);

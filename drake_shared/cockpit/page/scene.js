@@ -172,7 +172,7 @@ export class Scene {
     const labels = [
       ...goals.map(({ x, y, radius, name }) => ({ kind: "goal", at: [x, y + radius], text: name })),
       { kind: "start", at: [start[0], start[1] - 0.4 * unit], text: "Start" },
-      { kind: "scale", at: middle, text: describeLength(scaleBar.length) },
+      { kind: "scale", at: middle, along: [scaleBar.length, 0], text: describeLength(scaleBar.length) },
       ...this.#trail.labels(),
       ...this.#routes.labels(),
     ];

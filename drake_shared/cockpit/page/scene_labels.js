@@ -5,6 +5,7 @@ const { THREE } = window.MeshCat;
 const GAP = 7; // px between a point and its label, and between labels
 // Where a label may lie, as offsets of its middle from its point in units of its size and the gap.
 const PLACES = [[0, -1], [0, 1], [1, 0], [-1, 0], [1, -1], [-1, -1], [1, 1], [-1, 1], [0, -2], [0, 2]];
+const BESIDE = [[-1, 0], [1, 0]]; // a line that is upright on the screen
 
 export class Labels {
   #element = document.createElement("div");
@@ -22,7 +23,8 @@ export class Labels {
     overlay.append(this.#element);
   }
 
-  // labels: [{kind, at: [x, y], text}], the most important first. One that finds no room is left out.
+  // labels: [{kind, at: [x, y], text}], the most important first; `along` is the direction of the line that one
+  // belongs to. One that finds no room is left out.
   // bottom: px at the lower edge that are taken by something else.
   show(labels, bottom) {
     const width = this.#element.offsetWidth;
@@ -51,14 +53,24 @@ export class Labels {
     return this.#sizes.get(key);
   }
 
-  #place({ at, centered }, [w, h], width, height, taken) {
-    this.#point.set(at[0], at[1], 0);
-    this.#group.localToWorld(this.#point).project(this.#viewer.camera);
-    const { x, y, z } = this.#point;
-    if (Math.abs(x) > 1 || Math.abs(y) > 1 || z > 1) return null;
-    const px = ((x + 1) / 2) * width;
-    const py = ((1 - y) / 2) * this.#element.offsetHeight;
-    for (const [dx, dy] of centered ? [[0, 0], ...PLACES] : PLACES) {
+  // In px from the upper left corner; null where the camera does not see it.
+  #project([x, y]) {
+    const point = this.#group.localToWorld(this.#point.set(x, y, 0)).project(this.#viewer.camera);
+    if (Math.abs(point.x) > 1 || Math.abs(point.y) > 1 || point.z > 1) return null;
+    return [((point.x + 1) / 2) * this.#element.offsetWidth, ((1 - point.y) / 2) * this.#element.offsetHeight];
+  }
+
+  #places(at, [px, py], centered, along) {
+    const end = along && this.#project([at[0] + along[0] / 2, at[1] + along[1] / 2]);
+    if (end && Math.abs(end[1] - py) > Math.abs(end[0] - px)) return BESIDE;
+    return centered ? [[0, 0], ...PLACES] : PLACES;
+  }
+
+  #place({ at, centered, along }, [w, h], width, height, taken) {
+    const point = this.#project(at);
+    if (point === null) return null;
+    const [px, py] = point;
+    for (const [dx, dy] of this.#places(at, point, centered, along)) {
       const left = Math.min(Math.max(px + dx * (w / 2 + GAP) - w / 2, 4), width - w - 4);
       const top = Math.min(Math.max(py + dy * (h / 2 + GAP) - h / 2, 4), height - h - 4);
       const box = { left, top, right: left + w, bottom: top + h };
