@@ -41,6 +41,12 @@ def palette(theme: str) -> dict[str, str]:
     return dict(re.findall(r"--scene-([a-z-]+): (#[0-9a-f]{6});", block[1]))
 
 
+def test_the_panel_draws_the_shared_command_in_the_colour_of_the_scene():
+    panel = (Path(drake_shared.cockpit.__file__).parent / "page" / "cockpit.css").read_text(encoding="utf-8")
+    dark, light = re.findall(r"--shared: (#[0-9a-f]{6});", panel)
+    assert {"dark": dark, "light": light} == {theme: palette(theme)["shared"] for theme in ("dark", "light")}
+
+
 def linear(color: str) -> np.ndarray:
     values = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)]) / 255
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)

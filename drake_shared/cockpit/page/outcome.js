@@ -9,7 +9,7 @@ export const MEASURES = [
   ["Effort", "human_effort", 0, "rad", "the human's command, summed", "less is better"],
   ["Disagreement", "disagreement_rate", 1, "rad/s", "between human and agent", "less is better"],
   ["Least distance", "clearance", 2, "m", "to an obstacle", "more is safer"],
-  ["Path", "path_length", 2, "m", "length of the way driven", "shorter is better"],
+  ["Path", "path_length", 2, "m", "length of the path driven", "shorter is better"],
   ["Smoothness", "smoothness", 2, "", "of the speed", "nearer 0 is smoother"],
 ];
 

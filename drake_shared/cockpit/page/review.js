@@ -31,7 +31,7 @@ export function showResult(result, scene, { onDiscard }) {
   const route = scene.routes?.find((candidate) => candidate.name === result.route);
   if (route) map.addRoute(route);
   map.addPath(rows, result.mode === "human" ? "human" : "shared");
-  at("result-map").replaceChildren(map.element, html("figcaption", {}, "The way driven; a cross marks contact"));
+  at("result-map").replaceChildren(map.element, html("figcaption", {}, "The path driven; a cross marks contact"));
   at("discard").hidden = !result.number;
   at("discard").disabled = false;
   at("discard").onclick = () => {
