@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 JOINED = 12
 """Predictions among which the one nearest to the robot is looked for."""
 
+_ARC_SHARES = np.linspace(0.0, 1.0, 7)
+
 
 def pursuit_arc(pose: Floats, target: Sequence[float]) -> Floats:
     """Points (7, 2) of the arc from a pose to a target; a robot first turns to one behind it."""
@@ -25,18 +27,26 @@ def pursuit_arc(pose: Floats, target: Sequence[float]) -> Floats:
     bearing = math.remainder(math.atan2(dy, dx) - yaw, math.tau)
     if abs(bearing) > 0.5 * math.pi:
         return pose[None, :2]
-    share = np.linspace(0.0, 1.0, 7)
+    share = _ARC_SHARES
     # A chord of an arc lies at half the angle that the direction has turned.
     chord = math.hypot(dx, dy) / max(math.sin(abs(bearing)), 1e-9) * np.sin(share * max(abs(bearing), 1e-9))
     direction = yaw + bearing * share
     return np.stack([x + chord * np.cos(direction), y + chord * np.sin(direction)], axis=-1)
 
 
+def arc_lengths(paths: Floats) -> Floats:
+    """Lengths (n, m) of paths (n, m, 2) from their first point to each point, in [m]."""
+    lengths = np.zeros(paths.shape[:2])
+    steps = paths[:, 1:] - paths[:, :-1]
+    np.cumsum(np.hypot(steps[..., 0], steps[..., 1]), axis=1, out=lengths[:, 1:])
+    return lengths
+
+
 def joined(robot: Floats, paths: Floats) -> Floats:
     """Paths (n, Q, 2) that do not first lead back, to a beginning that the robot (n, 2) has passed."""
     nearest = np.hypot(*(paths[:, :JOINED] - robot[:, None]).transpose(2, 0, 1)).argmin(axis=1)[:, None]
     index = np.arange(paths.shape[1])
-    at_join = np.take_along_axis(paths, nearest[..., None], axis=1)
+    at_join = paths[np.arange(len(paths))[:, None], nearest]
     share = ((index + 1) / (nearest + 1))[..., None]
     straight = robot[:, None] + share * (at_join - robot[:, None])
     return np.where((index < nearest)[..., None], straight, paths)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.arbitration.path_geometry import (
+    arc_lengths,
     displacements,
     gap_between,
     joined,
@@ -28,6 +29,7 @@ _MARGIN, _LEAST = 0.1, 0.01
 _RAMP = 1.5
 # Points between the robot and the first prediction, and points checked on each piece of a path.
 _LEAD, _CHECKED = 8, 4
+_LEAD_SHARES = np.linspace(0.0, 1.0, _LEAD, endpoint=False)
 # Kept by the arc to the point that is followed, in [m]; and how far that point is held back, at most.
 _ARC_CLEARANCE = 0.04
 _SHARES = (1.0, 0.75, 0.55, 0.4, 0.25, 0.12, 0.0)
@@ -79,23 +81,21 @@ class PathRepair:
         rows = np.flatnonzero(self._meets(robot, paths, times, now))
         if not len(rows):
             return paths, moved
-        lead = np.linspace(0.0, 1.0, _LEAD, endpoint=False)[:, None]
-        start, path = robot[rows, None], joined(robot[rows], paths[rows])
-        whole = np.concatenate([start + lead * (path[:, :1] - start), path], axis=1)
-        at = np.concatenate(
-            [now[rows, None] + lead[:, 0] * (times[rows, :1] - now[rows, None]), times[rows]], axis=1
-        )
+        start, path, since = robot[rows, None], joined(robot[rows], paths[rows]), now[rows, None]
+        whole = np.concatenate([start + _LEAD_SHARES[:, None] * (path[:, :1] - start), path], axis=1)
+        at = np.concatenate([since + _LEAD_SHARES * (times[rows, :1] - since), times[rows]], axis=1)
         shifts = [displacements(item, at) for item in self._obstacles]
         aside = self._moved_aside(whole, shifts)
         ends = self._ends(aside, whole, shifts)
+        arcs, ahead = arc_lengths(aside), times[rows] - since
+        possible = self._fastest * np.maximum(ahead, 0.0)
+        wanted = np.minimum(arcs[:, _LEAD:], arcs[np.arange(len(rows)), ends][:, None])
+        wanted = possible + np.minimum(np.minimum.accumulate(wanted - possible, axis=1), 0.0)
         repaired = paths.copy()
-        for row, points, end, ahead in zip(rows, aside, ends, times[rows] - now[rows, None], strict=True):
-            arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-            possible = self._fastest * np.maximum(ahead, 0.0)
-            wanted = np.minimum(arc[_LEAD:], arc[end])
-            wanted = possible + np.minimum(np.minimum.accumulate(wanted - possible), 0.0)
-            wanted = self._followed(poses[row], points, arc, wanted, ahead)
-            repaired[row] = np.stack([np.interp(wanted, arc, axis) for axis in points.T], axis=-1)
+        for row, *each in zip(rows, aside, arcs, wanted, ahead, strict=True):
+            points, arc = each[:2]
+            reached = self._followed(poses[row], *each)
+            repaired[row] = np.stack([np.interp(reached, arc, axis) for axis in points.T], axis=-1)
         moved[rows] = np.hypot(*(repaired[rows] - paths[rows]).transpose(2, 0, 1))
         return repaired, moved
 
@@ -107,29 +107,30 @@ class PathRepair:
 
     def _meets(self, robot: Floats, paths: Floats, times: Floats, now: Floats) -> Flags:
         """Whether each path comes nearer to an obstacle than wanted."""
-        found = np.zeros(len(paths), bool)
         halfway = 0.5 * (robot + paths[:, 0])
         whole = np.concatenate([halfway[:, None], paths], axis=1)
+        found = np.zeros(whole.shape[:2], bool)
         at = np.concatenate([0.5 * (now + times[:, 0])[:, None], times], axis=1)
         for item, margin in zip(self._obstacles, self._margins, strict=True):
-            near = obstacle_distance(item, whole - displacements(item, at)) < self._radius + margin
-            found |= near.any(axis=1)
-        return found
+            relative = whole - displacements(item, at) if item.path else whole
+            found |= obstacle_distance(item, relative) < self._radius + margin
+        near: Flags = found.any(axis=1)
+        return near
 
     def _moved_aside(self, whole: Floats, shifts: list[Floats]) -> Floats:
         """Paths (n, m, 2), which begin at the robot, with each stretch near an obstacle moved aside."""
         whole = whole.copy()
+        unmoved = 0  # Obstacles in a row that moved no path: after all of them, none will.
         for _ in range(_ROUNDS):
-            changed = False
             for item, margin, shift in zip(self._obstacles, self._margins, shifts, strict=True):
-                changed |= self._pass(whole, item, margin, shift)
-            if not changed:
-                break
+                unmoved = 0 if self._pass(whole, item, margin, shift) else unmoved + 1
+                if unmoved == len(self._obstacles):
+                    return whole
         return whole
 
     def _pass(self, whole: Floats, item: Obstacle, margin: float, shift: Floats) -> bool:
         """Moves the first stretch of each path that is near one obstacle aside; whether there was one."""
-        relative = whole - shift
+        relative = whole - shift if item.path else whole
         distance = obstacle_distance(item, relative)
         # Where the robot or the end of its path already is nearer, no more can be kept than it has there.
         kept = np.minimum(self._radius + margin, np.minimum(distance[:, 0], distance[:, -1]) - 1e-6)
@@ -140,12 +141,10 @@ class PathRepair:
         rows = np.flatnonzero(inside.any(axis=1) & (distance[:, -1] >= kept))
         if not len(rows):
             return False
-        last = whole.shape[1] - 1
         for row in rows.tolist():
             first = int(inside[row].argmax())
-            after = first + int(np.append(~inside[row, first:], True).argmax())
-            before, beyond = relative[row, first - 1], relative[row, min(after, last)]
-            chord = beyond - before
+            after = first + int(inside[row, first:].argmin())
+            chord = relative[row, after] - relative[row, first - 1]
             length = math.hypot(*chord)
             if length < 1e-9:
                 continue
@@ -157,16 +156,18 @@ class PathRepair:
             far = 2.0 * item.bounding_radius() + 2.0 * kept[row]
             reach = np.full(len(stretch), far)
             for _ in range(_MARCHES):
-                reach -= np.maximum(
-                    obstacle_distance(item, stretch + reach[:, None] * aside) - kept[row], 0.0
-                )
+                beyond = obstacle_distance(item, stretch + reach[:, None] * aside) - kept[row]
+                if beyond.max() <= 0.0:
+                    break
+                reach -= np.maximum(beyond, 0.0)
             offset = float(reach.max()) + 1e-3
             if self._is_outside(whole[row, first:after] + offset * aside).any():
                 continue
-            arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(whole[row], axis=0).T))])
+            (arc,) = arc_lengths(whole[row : row + 1])
             ramp = max(_RAMP * offset, 1e-6)
-            up = np.clip((arc - (arc[first] - ramp)) / ramp, 0.0, 1.0)
-            down = np.clip((arc[min(after, last)] + ramp - arc) / ramp, 0.0, 1.0)
+            # numpy.clip takes several times as long.
+            up = np.minimum(np.maximum((arc - (arc[first] - ramp)) / ramp, 0.0), 1.0)
+            down = np.minimum(np.maximum((arc[after] + ramp - arc) / ramp, 0.0), 1.0)
             # A ramp that would begin behind the robot begins at it.
             behind = 0.5 - 0.5 * math.cos(math.pi * float(up[0]))
             share = 0.5 - 0.5 * np.cos(math.pi * np.minimum(up, down))
@@ -192,7 +193,9 @@ class PathRepair:
             target = [np.interp(share * reach, arc, axis) for axis in points.T]
             along = pursuit_arc(pose, target)
             gaps = [
-                obstacle_distance(item, along[None] - displacements(item, ahead[None, :1]))
+                obstacle_distance(
+                    item, along[None] - displacements(item, ahead[None, :1]) if item.path else along[None]
+                )
                 for item in self._obstacles
             ]
             least = [np.minimum(self._radius + self._arc_clearance, gap[0, 0]) for gap in gaps]
@@ -221,9 +224,11 @@ class PathRepair:
             distance = obstacle_distance(item, points - (refined(shift) if item.path else shift))
             least = np.minimum(self._radius + 0.5 * self._least, distance[:, :1] - 1e-9)
             blocked |= distance < least
-        blocked |= self._is_outside(points) & (np.abs(points - refined(whole)).max(axis=2) > 1e-9)
+        outside = self._is_outside(points)
+        if outside.any():
+            blocked |= outside & (np.abs(points - refined(whole)).max(axis=2) > 1e-9)
         first = np.where(blocked.any(axis=1), blocked.argmax(axis=1), len(fine))
-        ends: NDArray[np.int64] = np.clip((first - 1) // _CHECKED, 0, count - 1)
+        ends: NDArray[np.int64] = np.minimum(np.maximum(first - 1, 0) // _CHECKED, count - 1)
         return ends
 
 
