@@ -13,10 +13,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from drake_shared.common.elementwise import ARRAYS
 from drake_shared.common.errors import InputError
-from drake_shared.operators.steering import Pose, SteeringLaw
+from drake_shared.operators.steering import SteeringLaw
 from drake_shared.scenario import Scenario
 from drake_shared.scenario.paths import Path
+from drake_shared.simulation.lockstep.routes import RouteTable, TrialRoutes
 from drake_shared.simulation.trial import Trial
 
 Floats = NDArray[np.float64]
@@ -81,6 +83,7 @@ class DriveLikelihood:
         self._law = SteeringLaw(scenario)
         self._robot = scenario.diff_drive
         self._path = path
+        self._table = RouteTable([path], search=self._law.search)
         poses = np.stack([trial["x"], trial["y"], trial["yaw"]], axis=-1)[:-1]
         # Interpolation between poses needs a continuous yaw.
         poses[:, 2] = np.unwrap(poses[:, 2])
@@ -93,8 +96,8 @@ class DriveLikelihood:
         self._hands_on = ~hands_off
         self._max_speed = _UNSATURATED * scenario.diff_drive.max_wheel_speed
         # While the operator gives no command, the planned motion does not advance.
-        self._time = (trial["t"][:-1] - period * np.cumsum(hands_off)).tolist()
-        self._observations: dict[float, list[tuple[Pose, float]]] = {}
+        self._time = trial["t"][:-1] - period * np.cumsum(hands_off)
+        self._observations: dict[float, Floats] = {}
         self.select_informative(0.0)
         if self._pairs.sum() < 10:
             raise InputError(name, "", "must hold human commands in at least ten steps in a row")
@@ -105,24 +108,24 @@ class DriveLikelihood:
         self.informative = self._hands_on & (intended < self._max_speed)
         self._pairs = self.informative[1:] & self.informative[:-1]
 
-    def _observe(self, delay: float) -> list[tuple[Pose, float]]:
-        """The delayed pose and the arc length reached along the path, at each step."""
+    def _observe(self, delay: float) -> Floats:
+        """The delayed pose and the arc length reached along the path, at each step: shape (4, n)."""
         if delay not in self._observations:
             law, reached, observed = self._law, 0.0, []
             for index in range(self._count):
                 pose = law.recall(self._observed[3 * (self._count - 1 - index) :], delay)
                 reached = law.progress(self._path, pose, reached)
-                observed.append((pose, reached))
-            self._observations[delay] = observed
+                observed.append((*pose, reached))
+            self._observations[delay] = np.array(observed).T
         return self._observations[delay]
 
     def _law_commands(self, delay: float, speed_factor: float) -> tuple[Floats, Floats]:
         """Wheel speeds (n, 2) of the law at skill 0, and their increase per unit of skill, in [rad/s]."""
-        rows = [
-            self._law.steer(self._path, pose, reached, time=time, delay=delay, speed_factor=speed_factor)
-            for time, (pose, reached) in zip(self._time, self._observe(delay), strict=True)
-        ]
-        speed, turn, correction = np.array(rows).T
+        x, y, yaw, reached = self._observe(delay)
+        path = TrialRoutes(self._table, np.zeros(self._count, int))
+        speed, turn, correction = self._law.steer(
+            path, (x, y, yaw), reached, time=self._time, delay=delay, speed_factor=speed_factor, xp=ARRAYS
+        )
         half = 0.5 * self._robot.track
         base = np.stack([speed - half * turn, speed + half * turn], axis=-1) / self._robot.wheel_radius
         per_skill = np.stack([-half * correction, half * correction], axis=-1) / self._robot.wheel_radius
