@@ -28,7 +28,7 @@ from drake_shared.simulation.trial import read_log
 
 TASK = Path(__file__).parents[2] / "models" / "scenarios" / "two_obstacles.yaml"
 TRIALS = 30
-KILLS = 8
+KILLS = 4
 FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(["drake_shared.analysis.batch"])
 # Trials of 0.1 s without pauses: it is writing logs much of the time.
@@ -141,17 +141,24 @@ def uninterrupted(short, tmp_path_factory) -> tuple[str, dict[str, str]]:
     return output.replace(str(folder), "FOLDER"), contents(folder)
 
 
-def test_a_killed_run_leaves_complete_logs_and_resuming_gives_the_same_bits(short, uninterrupted, tmp_path):
+def resumed(short: str, folder: Path, capsys) -> tuple[str, dict[str, str]]:
+    """The output and the logs of a run that is resumed and completed in this process."""
+    assert main([*command(short, folder), "--resume"]) == 0
+    captured = capsys.readouterr()
+    assert str(folder) in captured.err
+    return captured.out.replace(str(folder), "FOLDER"), contents(folder)
+
+
+def test_a_killed_run_leaves_complete_logs_and_resuming_gives_the_same_bits(
+    short, uninterrupted, tmp_path, capsys
+):
     kill_and_resume(short, tmp_path, KILLS)
     assert 0 < len(contents(tmp_path)) < TRIALS
-    process = simulate(short, tmp_path, "--resume")
-    output, errors = process.communicate()
-    assert process.returncode == 0, errors
-    assert (output.replace(str(tmp_path), "FOLDER"), contents(tmp_path)) == uninterrupted
+    assert resumed(short, tmp_path, capsys) == uninterrupted
     assert not [name for name in os.listdir(tmp_path) if name.startswith(".")]
 
 
-def test_workers_exit_with_a_killed_run_which_can_be_resumed(short, uninterrupted, tmp_path):
+def test_workers_exit_with_a_killed_run_which_can_be_resumed(short, uninterrupted, tmp_path, capsys):
     process = simulate(short, tmp_path, "--workers", "2")
     while not contents(tmp_path):
         time.sleep(0.01)
@@ -159,9 +166,7 @@ def test_workers_exit_with_a_killed_run_which_can_be_resumed(short, uninterrupte
     # Every process holds these streams: they are closed when the last one exits.
     process.communicate(timeout=10)
     assert 0 < len(contents(tmp_path)) < TRIALS
-    output, errors = simulate(short, tmp_path, "--workers", "2", "--resume").communicate()
-    assert str(tmp_path) in errors
-    assert (output.replace(str(tmp_path), "FOLDER"), contents(tmp_path)) == uninterrupted
+    assert resumed(short, tmp_path, capsys) == uninterrupted
 
 
 def members(session: int) -> list[int]:
@@ -172,8 +177,10 @@ def members(session: int) -> list[int]:
     return [int(line.split()[0]) for line in found if "Z" not in line]
 
 
-@pytest.mark.parametrize("workers", ["1", "2"])
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(
+    ("workers", "number", "status"),
+    [("1", signal.SIGTERM, 143), ("2", signal.SIGTERM, 143), ("2", signal.SIGINT, 130)],
+)
 def test_a_signal_ends_the_run_and_leaves_complete_logs_and_no_process(
     short, tmp_path, workers, number, status
 ):

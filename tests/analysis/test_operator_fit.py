@@ -46,8 +46,6 @@ def plain(simulation) -> list[Trial]:
     ("mode", "behaviour"),
     [
         ("human", {}),
-        ("human", {"skill": 0.6, "delay": 0.3}),
-        ("human", {"skill": 0.6, "delay": 0.1}),
         ("human", {"skill": 0.6, "delay": 0.137, "noise": 0.3}),
         ("shared", {"delay": 0.3}),
         ("shared", {"skill": 0.6, "delay": 0.1, "yielding": 0.5}),
@@ -82,7 +80,7 @@ def test_noise_does_not_pass_for_another_speed(simulation):
 def test_the_interval_narrows_with_more_trials(simulation, plain):
     # With this noise and skill the Cramer-Rao bound of ten trials is a standard deviation of 7% of skill,
     # so 10% needs more of them.
-    trials = drives(simulation, count=30, delay=0.1, noise=0.3)
+    trials = drives(simulation, count=20, delay=0.1, noise=0.3)
     few, many = fit_operator(trials[:10]).skill, fit_operator(trials).skill
     assert few.low < 1.0 < few.high
     assert many.value == pytest.approx(1.0, rel=0.1)

@@ -7,6 +7,7 @@ from drake_shared import Behaviour, Simulation, TrialSettings, load_learner, loa
 from drake_shared.common.files import models_directory
 from drake_shared.learners import train
 from drake_shared.operators.named import changes_of_route
+from drake_shared.simulation.lockstep.engine import Lockstep
 from drake_shared.simulation.teaching import teach
 
 SCENARIO = "two_obstacles"
@@ -34,13 +35,15 @@ DRIVERS = {
 
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_shared_control_does_not_harm_operators_with_another_pace(simulation, scenario, driver):
-    outcomes = {}
+    behaviour, outcomes = Behaviour(**DRIVERS[driver]), {}
     for mode in ("human", "shared"):
-        rows = []
-        for seed, route in enumerate(scenario.routes):
-            behaviour = Behaviour(**DRIVERS[driver])
-            settings = TrialSettings(driver=mode, route=route.name, seed=seed, behaviour=behaviour)
-            rows.append(metrics(simulation.run(settings)))
+        trials = Lockstep(simulation).run(
+            [
+                TrialSettings(driver=mode, route=route.name, seed=seed, behaviour=behaviour)
+                for seed, route in enumerate(scenario.routes)
+            ]
+        )
+        rows = [metrics(trial) for trial in trials]
         outcomes[mode] = [(row["intent_success"], row["collision"]) for row in rows]
     assert outcomes["shared"] == outcomes["human"]
     assert sum(succeeded for succeeded, _ in outcomes["human"]) >= 2
@@ -48,12 +51,12 @@ def test_shared_control_does_not_harm_operators_with_another_pace(simulation, sc
 
 def test_an_operator_who_changes_the_route_gets_control_within_a_second(simulation, scenario):
     changed = 5.0
-    for seed, (route, then) in enumerate(changes_of_route(scenario)):
-        trial = simulation.run(
-            TrialSettings(
-                route=route.name, then=then.name, seed=seed, behaviour=Behaviour(switch_time=changed)
-            )
-        )
+    settings = [
+        TrialSettings(route=route.name, then=then.name, seed=seed, behaviour=Behaviour(switch_time=changed))
+        for seed, (route, then) in enumerate(changes_of_route(scenario))
+    ]
+    assert settings
+    for trial in Lockstep(simulation).run(settings):
         soon = (trial["t"] >= changed) & (trial["t"] <= changed + 1.0)
         assert trial["human_weight"][soon].max() > 0.5
         assert metrics(trial)["intent_success"]

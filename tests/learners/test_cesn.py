@@ -178,15 +178,15 @@ def test_the_size_of_the_task_does_not_matter(make_bows):
     assert large.confidence_gain == pytest.approx(small.confidence_gain / 2500.0, rel=0.02)
 
 
-def test_mirroring_or_turning_the_task_hardly_matters(make_bows):
+def test_mirroring_and_turning_the_task_hardly_matter(make_bows):
     demonstrations = make_bows([1.0, 0.4, -0.8])
     plain = train(demonstrations, learner="cesn")
     shown = np.array([[1.0, 0.7]])
     mean, _ = plain.predict([1.0], shown, plain.grid)
-    for matrix in ([[1.0, 0.0], [0.0, -1.0]], [[0.6, -0.8], [0.8, 0.6]]):
-        other = train(transformed(demonstrations, matrix), learner="cesn")
-        turned, _ = other.predict([1.0], shown @ np.transpose(matrix), other.grid)
-        np.testing.assert_allclose(turned, mean @ np.transpose(matrix), atol=0.06)
+    matrix = [[0.6, 0.8], [0.8, -0.6]]
+    other = train(transformed(demonstrations, matrix), learner="cesn")
+    turned, _ = other.predict([1.0], shown @ np.transpose(matrix), other.grid)
+    np.testing.assert_allclose(turned, mean @ np.transpose(matrix), atol=0.06)
 
 
 def test_scores_weight_the_mean_and_not_the_spread(make_bows):

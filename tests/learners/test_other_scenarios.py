@@ -19,9 +19,7 @@ def turn(degrees: float) -> np.ndarray:
 ROOMS = {
     "of 1 m": 0.2 * np.eye(2),
     "of 50 m": 10.0 * np.eye(2),
-    "mirrored": np.diag([1.0, -1.0]),
-    "turned by 37 degrees": turn(37.0),
-    "turned by 90 degrees": turn(90.0),
+    "mirrored and turned by 37 degrees": turn(37.0) @ np.diag([1.0, -1.0]),
 }
 
 

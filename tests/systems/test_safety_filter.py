@@ -199,7 +199,7 @@ def least_gap(bench: Bench, command, distance: ObstacleDistance, *, steps: int =
 
 
 def test_no_contact_if_braking_avoids_it_where_a_third_would_collide():
-    done = run_among_static(300, seed=1)
+    done = run_among_static(180, seed=1)
     assert done.collided == 0
     assert done.came_too_near == 0
     assert done.excluded < 0.3 * done.cases
@@ -208,7 +208,7 @@ def test_no_contact_if_braking_avoids_it_where_a_third_would_collide():
 
 def test_changes_a_command_only_if_braking_after_it_would_come_too_near():
     changed = 0
-    for bench, distance, command in random_states(400, seed=2):
+    for bench, distance, command in random_states(250, seed=2):
         gap = least_gap(bench, command, distance)
         if np.array_equal(bench.filtered(command), command):
             assert gap > CLEARANCE - 2e-6
@@ -350,7 +350,7 @@ def run_among_moving(count: int, *, seed: int, known: bool = True, per_world: in
 
 
 def test_among_moving_obstacles_the_robot_may_be_hit_but_drives_into_none():
-    done = run_among_moving(120, seed=7)
+    done = run_among_moving(80, seed=7)
     assert done.drove_into == done.avoidable == done.needlessly == 0
     assert done.excluded < 0.3 * done.cases
     assert done.collided_unfiltered > 0.2 * (done.cases - done.excluded)

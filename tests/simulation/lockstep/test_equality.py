@@ -74,24 +74,24 @@ def check_equal(simulation: Simulation, settings, learners=None) -> list:
 def test_every_named_operator(name):
     scenario = load_scenario("two_obstacles")
     simulation = Simulation(scenario, learner=learner_of("two_obstacles"))
-    check_equal(simulation, [operator_settings(scenario, name, seed=seed) for seed in range(3)])
+    check_equal(simulation, [operator_settings(scenario, name, seed=seed) for seed in range(2)])
 
 
-@pytest.mark.parametrize("end", ["reached", "duration"])
-@pytest.mark.parametrize(
-    "arbitration",
-    [
-        "blend",
-        "halves",
-        "traded:threshold=0.6,margin=0.1,least_clearance=0.2",
-        "leader-follower:share=0.3",
-        "leader-follower:leader=agent",
-        "fusion",
-        "hindsight",
-    ],
-)
-def test_every_arbiter_in_all_scenarios(arbitration, end):
-    for name in ("two_obstacles", "three_obstacles", "doorway"):
+ARBITERS = [
+    "blend",
+    "halves",
+    "traded:threshold=0.6,margin=0.1,least_clearance=0.2",
+    "leader-follower:share=0.3",
+    "leader-follower:leader=agent",
+    "fusion",
+    "hindsight",
+]
+
+
+@pytest.mark.parametrize("arbitration", ARBITERS)
+def test_every_arbiter_in_all_scenarios(arbitration):
+    for place, name in enumerate(("two_obstacles", "three_obstacles", "doorway")):
+        end = ("reached", "duration")[(place + ARBITERS.index(arbitration)) % 2]
         scenario = load_scenario(name)
         config = SharedControlConfig(arbitration=arbitration, end=end, confidence_gain=100.0)
         simulation = Simulation(scenario, learner=learner_of(name), config=config)
@@ -143,18 +143,20 @@ def made_of(cnmp, kind: str):
 
 
 @pytest.mark.parametrize("kind", ["mixture", "ensemble"])
-@pytest.mark.parametrize("name", ["primary", "switching", "unskilled"])
-def test_learners_made_of_several_networks(kind, name):
+def test_learners_made_of_several_networks(kind):
     scenario = load_scenario("two_obstacles")
     simulation = Simulation(scenario, learner=made_of(learner_of("two_obstacles"), kind))
-    check_equal(simulation, [operator_settings(scenario, name, seed=seed) for seed in range(3)])
+    operators = ("primary", "switching", "unskilled")
+    check_equal(
+        simulation, [operator_settings(scenario, name, seed=seed) for seed, name in enumerate(operators)]
+    )
 
 
 def test_an_echo_state_network():
     scenario = load_scenario("two_obstacles")
     demonstrations = read_demonstrations(models_directory() / "demonstrations" / "two_obstacles.parquet")
     simulation = Simulation(scenario, learner=train(demonstrations, learner="cesn"))
-    check_equal(simulation, [operator_settings(scenario, "unskilled", seed=seed) for seed in range(3)])
+    check_equal(simulation, [operator_settings(scenario, "unskilled", seed=seed) for seed in range(2)])
 
 
 def test_a_learner_of_its_own_for_each_trial():
@@ -206,7 +208,8 @@ def test_another_robot_and_period():
 
 @pytest.mark.parametrize("arbitration", ["blend", "fusion"])
 def test_a_trial_does_not_depend_on_the_others(arbitration):
-    scenario = load_scenario("two_obstacles")
+    # The first obstacle is passed in this time.
+    scenario = dataclasses.replace(load_scenario("two_obstacles"), duration=5.0)
     config = SharedControlConfig(arbitration=arbitration)
     engine = Lockstep(Simulation(scenario, learner=learner_of("two_obstacles"), config=config))
     settings = [operator_settings(scenario, "unskilled", seed=seed) for seed in range(70)]
@@ -229,7 +232,7 @@ def test_faults_of_the_human_channel(faults):
     scenario = load_scenario("two_obstacles")
     config = SharedControlConfig.from_json({"faults": faults})
     simulation = Simulation(scenario, learner=learner_of("two_obstacles"), config=config)
-    check_equal(simulation, [operator_settings(scenario, "noisy", seed=seed) for seed in range(3)])
+    check_equal(simulation, [operator_settings(scenario, "noisy", seed=seed) for seed in range(2)])
 
 
 @pytest.mark.parametrize("name", ["two_obstacles", "three_obstacles", "doorway"])
@@ -245,7 +248,7 @@ def test_the_safety_filter(name):
     assert any((trial["safe_left"] != trial["shared_left"]).any() for trial in trials)
 
 
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=4, deadline=None, derandomize=True)
 @given(
     name=strategies.sampled_from(["two_obstacles", "three_obstacles", "doorway"]),
     operator=strategies.sampled_from(sorted(OPERATORS)),
