@@ -78,7 +78,7 @@ class PathRepair:
             The repaired paths (n, Q, 2), and how far each point was moved (n, Q), in [m].
         """
         moved, robot = np.zeros(paths.shape[:2]), poses[:, :2]
-        rows = np.flatnonzero(self._meets(robot, paths, times, now))
+        rows = self._rows_near(robot, paths, times, now)
         if not len(rows):
             return paths, moved
         start, path, since = robot[rows, None], joined(robot[rows], paths[rows]), now[rows, None]
@@ -105,17 +105,16 @@ class PathRepair:
         rooms = (0.4 * (gap - 2.0 * self._radius) for gap in gaps)
         return min([wanted, *(room for room in rooms if room > self._least)])
 
-    def _meets(self, robot: Floats, paths: Floats, times: Floats, now: Floats) -> Flags:
-        """Whether each path comes nearer to an obstacle than wanted."""
+    def _rows_near(self, robot: Floats, paths: Floats, times: Floats, now: Floats) -> NDArray[np.intp]:
+        """Indices of the paths that come nearer to an obstacle than wanted."""
         halfway = 0.5 * (robot + paths[:, 0])
         whole = np.concatenate([halfway[:, None], paths], axis=1)
         found = np.zeros(whole.shape[:2], bool)
         at = np.concatenate([0.5 * (now + times[:, 0])[:, None], times], axis=1)
         for item, margin in zip(self._obstacles, self._margins, strict=True):
             relative = whole - displacements(item, at) if item.path else whole
-            found |= obstacle_distance(item, relative) < self._radius + margin
-        near: Flags = found.any(axis=1)
-        return near
+            found[obstacle_distance(item, relative) < self._radius + margin] = True
+        return np.flatnonzero(found.any(axis=1))
 
     def _moved_aside(self, whole: Floats, shifts: list[Floats]) -> Floats:
         """Paths (n, m, 2), which begin at the robot, with each stretch near an obstacle moved aside."""

@@ -165,15 +165,13 @@ def test_ctrl_c_keeps_completed_results_and_resuming_gives_the_same_bits(
 
 
 def test_workers_exit_with_the_process_that_started_them(tmp_path, environment):
-    process = start(tmp_path / "run", 2, environment, seconds=60.0)
-    process.stdout.readline()
-    deadline = time.monotonic() + 20
-    while len(members(process.pid)) < 4:  # With the fork server and the tracker of resources.
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    time.sleep(2.0)
+    process = start(tmp_path / "run", 2, environment, seconds=0.5)
+    while process.stdout.readline() != "1 8\n":
+        assert process.poll() is None, process.stderr.read()
+    assert len(members(process.pid)) >= 4  # With the fork server and the tracker of resources.
     process.kill()
     process.communicate()
+    deadline = time.monotonic() + 30
     while members(process.pid):
         assert time.monotonic() < deadline
         time.sleep(0.05)
