@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from drake_shared.arbitration.feedback import Feedback
 from drake_shared.cockpit.messages import Setup
 from drake_shared.common.errors import InputError
-from drake_shared.common.files import models_directory
+from drake_shared.common.files import created_once, models_directory
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners import Learner, load_learner, save_learner, train
 from drake_shared.scenario import Scenario, clearance_scorer, load_scenario
@@ -113,9 +114,7 @@ class TrialChoices:
         metadata = {"scenario": self.scenario.name, "operator": "MouseInput"}
         learner = train(Demonstrations(items=items, metadata=metadata), learner=_TRAINED_ON_PAGE)
         if folder is not None:
-            path = folder / f"{self.scenario.name}_{len(items)}_drives.safetensors"
-            save_learner(learner, path)
-            learner = load_learner(path)
+            learner = load_learner(_save_new(learner, folder, f"{self.scenario.name}_{len(items)}_drives"))
         self.learner = learner
         self._learner_name = self._add_learner(learner)
         self.config = config_for(learner.preset, feedback=self._feedback)
@@ -197,6 +196,20 @@ class TrialChoices:
         name = Path(learner.metadata.get("file") or learner.name).stem
         self._learners[name] = learner
         return name
+
+
+def _save_new(learner: Learner, folder: Path, name: str) -> Path:
+    """Saves a learner under a name that no file in ``folder`` has: another session may share it."""
+    for number in itertools.count(1):
+        path = folder / f"{name}{'' if number == 1 else f'-{number}'}.safetensors"
+        try:
+            with created_once(path) as temporary:
+                save_learner(learner, temporary)
+            break
+        except InputError:
+            if not path.exists():
+                raise
+    return path
 
 
 def _serves(name: str, learner: Learner | Path, scenario: str) -> bool:

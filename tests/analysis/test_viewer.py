@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import re
+import shutil
 import threading
 import urllib.error
 import urllib.request
@@ -162,6 +163,21 @@ def test_rows_are_served_while_files_are_read(viewer):
     assert set(answer["skipped"]) == {"broken.parquet"}
 
 
+def test_a_folder_that_vanishes_is_said_and_the_rest_is_shown(human_trial, tmp_path):
+    for name in ("first", "second"):
+        write_log(human_trial, tmp_path / "logs" / f"{name}.parquet")
+    catalogue = Catalogue(tmp_path / "logs")
+    reading = catalogue.read()
+    next(reading)
+    shutil.rmtree(tmp_path / "logs")
+    assert list(reading) == []
+    assert set(catalogue.skipped) == {"second.parquet"}
+    assert write_page(catalogue, tmp_path / "page.html") == 0
+    with pytest.raises(InputError) as caught:
+        details(catalogue.entries[0])
+    assert caught.value.source.endswith("first.parquet")
+
+
 def test_a_page_embeds_no_more_than_it_says(folder, tmp_path, monkeypatch):
     assert MOST_EMBEDDED >= 100
     monkeypatch.setattr("drake_shared.analysis.viewer.page.MOST_EMBEDDED", 3)
@@ -186,56 +202,86 @@ def violations(page) -> list:
     return [(item["id"], [node["target"] for node in item["nodes"]]) for item in found]
 
 
-@pytest.mark.browser
-def test_the_page_filters_opens_and_lays_trials_over_each_other(viewer, folder, tmp_path):
+@pytest.fixture(scope="module")
+def browser():
     path = find_chromium()
     if path is None:
         pytest.skip("no Chromium: install it or set DRAKE_SHARED_CHROMIUM")
     from playwright.sync_api import expect, sync_playwright
 
     expect.set_options(timeout=30_000)
-    write_page(Catalogue(folder), tmp_path / "page.html")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM_ARGUMENTS))
-        for address in (viewer.address, f"file://{tmp_path}/page.html"):
-            page = browser.new_page(viewport={"width": 1280, "height": 800})
-            errors: list = []
-            page.on("pageerror", lambda error, errors=errors: errors.append(error))
-            page.goto(address)
-            page.wait_for_selector("#view:not([hidden])")
-            expect(page.locator("#rows tr")).to_have_count(8)
-            if address.startswith("file:"):
-                page.wait_for_function("document.querySelectorAll('#map path').length > 3")
-                assert errors == []
-                continue
-            page.select_option("#driver", "person")
-            expect(page.locator("#rows tr")).to_have_count(1)
-            page.click("#rows tr td.name button")
-            page.wait_for_function("document.querySelector('#subtitle').textContent.includes('stopped')")
-            page.select_option("#driver", "*")
-            page.fill("#search", "several")
-            expect(page.locator("#rows tr")).to_have_count(2)
-            for index in range(2):
-                page.locator("#rows input").nth(index).check()
-            page.wait_for_function("document.querySelectorAll('#legend span').length === 3")
-            page.wait_for_function("document.querySelectorAll('#figures thead th.number').length === 3")
-            page.fill("#search", "nan")
-            expect(page.locator("#rows tr")).to_have_count(1)
-            page.click("#rows tr td.name button")
-            page.wait_for_function("document.querySelector('#title').textContent === 'nan'")
-            page.wait_for_selector("#charts path", state="attached")
-            # NaN leaves gaps in the curves and in the path.
-            curves = page.locator("#charts path").evaluate_all("all => all.map(one => one.getAttribute('d'))")
-            assert any(curve.count("M") > 5 for curve in curves)
-            assert not any("NaN" in curve for curve in curves)
-            assert violations(page) == []
-            page.set_viewport_size({"width": 390, "height": 844})
-            page.wait_for_function("innerWidth === 390")
-            page.click("#theme")
-            page.wait_for_selector(":root[data-theme=dark]")
-            assert violations(page) == []
-            page.wait_for_function(
-                "document.documentElement.scrollWidth === document.documentElement.clientWidth"
-            )
-            assert errors == []
+        yield browser
         browser.close()
+
+
+@pytest.mark.browser
+def test_the_page_filters_opens_and_lays_trials_over_each_other(browser, viewer, folder, tmp_path):
+    from playwright.sync_api import expect
+
+    write_page(Catalogue(folder), tmp_path / "page.html")
+    for address in (viewer.address, f"file://{tmp_path}/page.html"):
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        errors: list = []
+        page.on("pageerror", lambda error, errors=errors: errors.append(error))
+        page.goto(address)
+        page.wait_for_selector("#view:not([hidden])")
+        expect(page.locator("#rows tr")).to_have_count(8)
+        if address.startswith("file:"):
+            page.wait_for_function("document.querySelectorAll('#map path').length > 3")
+            assert errors == []
+            continue
+        page.select_option("#driver", "person")
+        expect(page.locator("#rows tr")).to_have_count(1)
+        page.click("#rows tr td.name button")
+        page.wait_for_function("document.querySelector('#subtitle').textContent.includes('stopped')")
+        page.select_option("#driver", "*")
+        page.fill("#search", "several")
+        expect(page.locator("#rows tr")).to_have_count(2)
+        for index in range(2):
+            page.locator("#rows input").nth(index).check()
+        page.wait_for_function("document.querySelectorAll('#legend span').length === 3")
+        page.wait_for_function("document.querySelectorAll('#figures thead th.number').length === 3")
+        page.fill("#search", "nan")
+        expect(page.locator("#rows tr")).to_have_count(1)
+        page.click("#rows tr td.name button")
+        page.wait_for_function("document.querySelector('#title').textContent === 'nan'")
+        page.wait_for_selector("#charts path", state="attached")
+        # NaN leaves gaps in the curves and in the path.
+        curves = page.locator("#charts path").evaluate_all("all => all.map(one => one.getAttribute('d'))")
+        assert any(curve.count("M") > 5 for curve in curves)
+        assert not any("NaN" in curve for curve in curves)
+        assert violations(page) == []
+        page.set_viewport_size({"width": 390, "height": 844})
+        page.wait_for_function("innerWidth === 390")
+        page.click("#theme")
+        page.wait_for_selector(":root[data-theme=dark]")
+        assert violations(page) == []
+        page.wait_for_function(
+            "document.documentElement.scrollWidth === document.documentElement.clientWidth"
+        )
+        assert errors == []
+        page.close()
+
+
+@pytest.mark.browser
+def test_ten_thousand_logs_are_listed_found_and_opened(browser, human_trial, tmp_path):
+    from playwright.sync_api import expect
+
+    write_logs(dict.fromkeys(range(10_000), cut(human_trial, 2)), tmp_path / "all.parquet")
+    served = Viewer(Catalogue(tmp_path))
+    thread = threading.Thread(target=served.serve, daemon=True)
+    thread.start()
+    page = browser.new_page()
+    page.goto(served.address)
+    page.wait_for_function("document.querySelector('#count').textContent.startsWith('10000')")
+    assert page.locator("#rows tr").count() < 1000  # More than that a browser draws slowly.
+    page.fill("#search", "#9999")
+    expect(page.locator("#rows tr")).to_have_count(1)
+    page.click("#rows tr td.name button")
+    page.wait_for_function("document.querySelector('#title').textContent.includes('9999')")
+    page.wait_for_selector("#map path", state="attached")
+    page.close()
+    served.stop()
+    thread.join()

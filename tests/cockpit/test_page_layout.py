@@ -23,7 +23,7 @@ pytestmark = pytest.mark.browser
 SIZES = [
     (1280, 800),
     (1920, 1080),
-    (960, 700),
+    (960, 600),
     (800, 600),
     (390, 844),
     (360, 740),
@@ -58,7 +58,8 @@ class Inspector:
             where = f"{state} at {width}x{height}: "
             self.faults += [where + fault for fault in self._page.evaluate(f"({FAULTS})()")]
             if driving and height >= 400:
-                missing = self._page.evaluate(IN_VIEW, list(ESSENTIAL))
+                wanted = [*ESSENTIAL, "#legend"] if width > 900 else [*ESSENTIAL]
+                missing = self._page.evaluate(IN_VIEW, wanted)
                 self.faults += [f"{where}{selector} is not in view" for selector in missing]
         themes = [("light", (1280, 800)), ("dark", (390, 844))]
         for theme, size in themes[1:] if brief else themes:

@@ -1,6 +1,7 @@
 """What a person may choose between trials, and what follows from it."""
 
 import dataclasses
+import shutil
 
 import pytest
 
@@ -10,6 +11,7 @@ from drake_shared.cockpit.messages import Setup
 from drake_shared.cockpit.page_state import describe_result
 from drake_shared.cockpit.trial_choices import ASK, FREE, TrialChoices
 from drake_shared.common.errors import InputError
+from drake_shared.common.files import models_directory
 from drake_shared.learners import load_learner
 from drake_shared.scenario import load_scenario
 from drake_shared.simulation.trial import Simulation, TrialSettings
@@ -84,6 +86,30 @@ def test_a_choice_that_cannot_be_made_changes_nothing_and_says_why(choices, bad)
     assert (choices.scenario, choices.learner, choices.config, choices.route) == before
 
 
+def test_a_scenario_edited_while_the_program_runs_counts_when_it_is_chosen_next(
+    tmp_path, monkeypatch, choices
+):
+    shutil.copytree(models_directory() / "scenarios", tmp_path / "scenarios")
+    monkeypatch.setattr("drake_shared.cockpit.trial_choices.models_directory", lambda: tmp_path)
+    running = choices.scenario
+    edited = TrialChoices(running, None)
+    for name, old, new in (("two_obstacles", "radius: 0.25", "raduis: 0.25"), ("doorway", "x: ", "x: far")):
+        file = tmp_path / "scenarios" / f"{name}.yaml"
+        file.write_text(file.read_text().replace(old, new, 1))
+    # The one that is driven stays as it is in memory; a broken one is refused, and driving goes on.
+    assert not edited.choose(choice(learner=None))
+    assert (edited.scenario, edited.error) == (running, None)
+    assert not edited.choose(choice(scenario="doorway", learner=None))
+    assert "doorway.yaml" in edited.error
+    assert edited.scenario is running
+    (tmp_path / "scenarios" / "three_obstacles.yaml").unlink()
+    assert not edited.choose(choice(scenario="three_obstacles", learner=None))
+    assert "three_obstacles" in edited.error
+    shutil.copy(models_directory() / "scenarios" / "doorway.yaml", tmp_path / "scenarios")
+    assert edited.choose(choice(scenario="doorway", learner=None))
+    assert edited.scenario.name == "doorway"
+
+
 def test_an_instructed_route_is_named_for_every_trial_or_before_each(scenario):
     always = TrialChoices(scenario, None, route="left_right")
     always.next_trial()
@@ -114,6 +140,11 @@ def test_a_learner_is_trained_on_three_drives_and_saved(choices, drives, tmp_pat
     (file,) = tmp_path.iterdir()
     assert load_learner(file).metadata["scenario"] == "two_obstacles"
     assert file.stem in choices.describe(usable_drives=3)["learners"]
+    # The folder keeps what an earlier session, or another one, has trained.
+    kept = file.read_bytes()
+    choices.train(drives, tmp_path)
+    assert len(list(tmp_path.iterdir())) == 2
+    assert file.read_bytes() == kept
 
 
 def test_the_history_lists_drives_and_deletes_the_log_of_one(drives, tmp_path):
