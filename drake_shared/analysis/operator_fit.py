@@ -25,7 +25,7 @@ from drake_shared.analysis.operator_likelihood import (
 )
 from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import LONGEST_DELAY
-from drake_shared.scenario import Route, scenario_from_dict
+from drake_shared.scenario import Route, Scenario, scenario_from_dict
 from drake_shared.scenario.paths import Path
 from drake_shared.simulation.trial import Trial
 from drake_shared.systems.surrogate_operator import SurrogateOperator
@@ -38,7 +38,8 @@ _SPEED_STEP = 0.1
 _SPEED_FACTORS = np.arange(0.5, 2.01, _SPEED_STEP)
 # Yielding is undefined if the human weight never falls below 1 by more than this.
 _LEAST_ASSISTANCE = 0.02
-_LEAST_MOTION = 0.5
+_LEAST_MOTION = 0.08
+"""Least distance moved, as a share of the length of the route."""
 # Spacing of path points, in [m], with which the likelihood is smooth. A simulated operator steers by the
 # coarser points of `Scenario.path_of`. Its steps from point to point would look like white noise, and make
 # the noise seem shorter than it is: the last searches use them as well, in the end in steps of the delay so
@@ -103,6 +104,7 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
     _check(trials, names)
     scenario = scenario_from_dict(trials[0].metadata["scenario"], source=f"{names[0]}: scenario")
     names_and_trials = list(zip(trials, names, strict=True))
+    _check_motion(names_and_trials, scenario)
 
     def likelihoods(path_of: Callable[[Route], Path]) -> list[DriveLikelihood]:
         return [
@@ -225,8 +227,17 @@ def _check(trials: Sequence[Trial], names: Sequence[str]) -> None:
         for field in ("scenario", "preset", "operator"):
             if metadata.get(field) != first.get(field):
                 raise InputError(name, field, f"must be that of {names[0]}")
-        if np.linalg.norm(np.diff(trial.positions, axis=0), axis=1).sum() < _LEAST_MOTION:
-            raise InputError(name, "", f"must hold motion of at least {_LEAST_MOTION} m")
+        finite = np.isfinite(np.hstack([trial.positions, trial.commands("human")])).all(axis=1)
+        if not finite.all():
+            where = f"row {int(np.argmin(finite))}"
+            raise InputError(name, where, "must hold a position and a human command without NaN")
+
+
+def _check_motion(trials: Sequence[tuple[Trial, str]], scenario: Scenario) -> None:
+    for trial, name in trials:
+        least = _LEAST_MOTION * scenario.path_of(scenario.route(trial.metadata["route"])).length
+        if np.linalg.norm(np.diff(trial.positions, axis=0), axis=1).sum() < least:
+            raise InputError(name, "", f"must hold motion of at least {least:.2g} m")
 
 
 def settings_of(trials: Sequence[Trial]) -> dict[str, Any]:

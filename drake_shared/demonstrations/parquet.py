@@ -100,7 +100,9 @@ def provenance_of_trial(metadata: Mapping[str, Any], human_weight: ArrayLike | N
     """
     kept = {name: metadata[name] for name in _KEPT if name in metadata}
     if human_weight is not None:
-        kept["human_weight"] = float(np.mean(np.asarray(human_weight, dtype=float)[:-1]))
+        weights = np.asarray(human_weight, dtype=float)
+        # A log of one row has this one only.
+        kept["human_weight"] = float(np.mean(weights[: max(len(weights) - 1, 1)]))
     return kept
 
 

@@ -148,5 +148,9 @@ def test_trials_without_motion_or_commands_or_rows_are_refused(simulation, plain
     sparse = {name: column[::2] for name, column in plain[0].columns.items()}
     with pytest.raises(InputError, match="trial 0: t "):
         fit_operator([dataclasses.replace(plain[0], columns=sparse)])
+    holes = {**plain[0].columns, "x": np.where(plain[0]["t"] == 0.5, np.nan, plain[0]["x"])}
+    with pytest.raises(InputError) as caught:
+        fit_operator([dataclasses.replace(plain[0], columns=holes)])
+    assert caught.value.field == "row 10"
     with pytest.raises(InputError, match="trials"):
         fit_operator([])

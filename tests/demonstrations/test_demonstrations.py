@@ -110,6 +110,14 @@ def test_logs_qualify_if_the_goal_was_reached_without_contact(tmp_path, options,
         read_demonstrations(write_log(tmp_path / "log.parquet", **options))
 
 
+def test_a_log_of_one_row_is_refused(tmp_path):
+    row = {"t": [0.0], "x": [0.0], "y": [0.0], "yaw": [0.0], "contact": [False], "human_weight": [1.0]}
+    path = write(tmp_path / "log.parquet", row, format="drake_shared.log", version=1, status="reached")
+    with pytest.raises(InputError) as caught:
+        read_demonstrations(path)
+    assert (caught.value.source, caught.value.field) == (path, "t")
+
+
 def test_logs_of_failed_trials_can_be_left_out(tmp_path):
     for index, options in enumerate(({"status": "timeout"}, {}, {"contact": True})):
         write_log(tmp_path / f"{index}.parquet", **options)
