@@ -92,7 +92,7 @@ class PathRepair:
         wanted = np.minimum(arcs[:, _LEAD:], arcs[np.arange(len(rows)), ends][:, None])
         wanted = possible + np.minimum(np.minimum.accumulate(wanted - possible, axis=1), 0.0)
         repaired = paths.copy()
-        for row, *each in zip(rows, aside, arcs, wanted, ahead, strict=True):
+        for row, *each in zip(rows, aside, arcs, wanted, ahead, times[rows, :1], strict=True):
             points, arc = each[:2]
             reached = self._followed(poses[row], *each)
             repaired[row] = np.stack([np.interp(reached, arc, axis) for axis in points.T], axis=-1)
@@ -181,8 +181,12 @@ class PathRepair:
         outside: Flags = ((points < self._corners[0]) | (points > self._corners[1])).any(axis=-1)
         return outside
 
-    def _followed(self, pose: Floats, points: Floats, arc: Floats, wanted: Floats, ahead: Floats) -> Floats:
+    def _followed(
+        self, pose: Floats, points: Floats, arc: Floats, wanted: Floats, ahead: Floats, soon: Floats
+    ) -> Floats:
         """Arc lengths ``wanted`` (Q,) along a path, held back where the robot could not follow it.
+
+        Obstacles that move are taken to be where they are at the time ``soon`` (1,) of the first prediction.
 
         Pure pursuit drives an arc to the point a look-ahead from now: the nearer that point, the more slowly,
         and the more it turns on the spot.
@@ -193,7 +197,7 @@ class PathRepair:
             along = pursuit_arc(pose, target)
             gaps = [
                 obstacle_distance(
-                    item, along[None] - displacements(item, ahead[None, :1]) if item.path else along[None]
+                    item, along[None] - displacements(item, soon[None]) if item.path else along[None]
                 )
                 for item in self._obstacles
             ]

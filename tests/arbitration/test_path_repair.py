@@ -130,6 +130,14 @@ def test_an_obstacle_that_crosses_is_passed_where_it_will_be():
     )[1].any()
 
 
+def test_an_obstacle_that_came_and_stands_is_like_one_that_always_stood():
+    pillar = Circle(name="pillar", x=0.7, y=0.0, radius=0.3)
+    cart = dataclasses.replace(pillar, path=[[0.0, 0.7, 2.5], [20.0, 0.7, 0.0], [60.0, 0.7, 0.0]])
+    pose = (0.0, 0.0, 0.0)
+    path, _ = repair(world(cart), straight(0.2), pose=pose, now=20.0)
+    assert path == pytest.approx(repair(world(pillar), straight(0.2), pose=pose)[0])
+
+
 def test_a_robot_that_faces_an_obstacle_turns_before_it_drives():
     scenario = world(Circle(name="pillar", x=0.7, y=0.0, radius=0.3))
     far, _ = repair(scenario, straight(0.2), pose=(0.0, 0.0, 1.2))
