@@ -206,7 +206,8 @@ OF_LEARNERS: Mapping[str, Measure] = MappingProxyType(
             better=LOWER,
             meaning="Mean difference between c_f and the share of steps in which the agent expected the "
             "right route, in ten bins of c_f of equal width. The prediction is the one in use, with the "
-            "command as evidence. c_f is no probability: half of the steps may be above 0.99.",
+            "command as evidence. Unless it was calibrated, c_f is no probability: half of the steps may be "
+            "above 0.99.",
         ),
         "brier_score": Measure(
             better=LOWER,

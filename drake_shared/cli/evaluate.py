@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +19,10 @@ from drake_shared.common.files import check_target
 from drake_shared.learners import Learner
 from drake_shared.learners.calibration import Calibration
 from drake_shared.scenario import Scenario
+
+if TYPE_CHECKING:
+    from drake_shared.analysis.confidence_calibration import ConfidenceSteps
+    from drake_shared.simulation.trial import Trial
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -36,6 +41,8 @@ class Evaluate(LearnerOptions):
     """Write the learner here with its standard deviations scaled to fit the demonstrations."""
     calibration: Calibration = "percentile"
     """How K of that file is found: from the 95th percentile of the variance, or the largest (the paper)."""
+    calibrate: OptionalPath = None
+    """Write the learner here with a confidence that is a probability, calibrated on these trials."""
     figure: OptionalPath = None
     """Write a reliability diagram here (PNG)."""
     json: bool = False
@@ -53,7 +60,9 @@ class Evaluate(LearnerOptions):
         learner, path = open_learner(scenario, self.model, self.preset)
         if self.trials < 0:
             raise InputError("evaluate", "trials", "must not be negative", self.trials)
-        for file in (self.figure, self.recalibrate):
+        if self.calibrate is not None and not self.trials:
+            raise InputError("--calibrate", "", "requires --trials")
+        for file in (self.figure, self.recalibrate, self.calibrate):
             if file is not None:
                 check_target(file)
         if self.demos:
@@ -106,7 +115,7 @@ class Evaluate(LearnerOptions):
             intended_path,
         )
         from drake_shared.analysis.online_coverage import online_coverage
-        from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
+        from drake_shared.simulation.trial import Simulation, TrialSettings
 
         simulation = Simulation(scenario, learner=learner, config=self.control)
         taught = demonstrations_of_routes(scenario, learner)
@@ -140,7 +149,31 @@ class Evaluate(LearnerOptions):
         for figures, trials in ((judged, driven[True]), (judged["untaught"], driven[False])):
             if trials:
                 figures["online_coverage"], figures["learner_coverage"] = online_coverage(learner, trials)
+        if self.calibrate is not None:
+            self._write_calibrated(scenario, learner, driven[True], parts[True])
         return judged
+
+    def _write_calibrated(
+        self, scenario: Scenario, learner: Learner, trials: Sequence[Trial], steps: Sequence[ConfidenceSteps]
+    ) -> None:
+        """Writes the learner with a confidence that is calibrated on trials on demonstrated routes."""
+        from drake_shared.analysis.confidence_fit import calibrated_confidence, open_ways_of
+        from drake_shared.learners import save_learner
+        from drake_shared.learners.calibrated_confidence import CALIBRATION_KEY
+        from drake_shared.learners.stored import StoredLearner
+
+        if not isinstance(learner, StoredLearner):
+            raise InputError("--calibrate", "learner", "must be a StoredLearner", learner.name)
+        assert self.calibrate is not None
+        ratios = [trial["mean_variance"][:-1] * float(trial.metadata["confidence_gain"]) for trial in trials]
+        calibration = calibrated_confidence(
+            np.concatenate([*ratios, np.empty(0)]),
+            np.concatenate([*(part.correct for part in steps), np.empty(0, bool)]),
+            open_ways_of(scenario, learner),
+        )
+        metadata = {**learner.metadata, CALIBRATION_KEY: calibration.to_json()}
+        save_learner(dataclasses.replace(learner, metadata=metadata), self.calibrate)
+        say(f"wrote {self.calibrate}")
 
 
 def _print(result: dict[str, Any]) -> None:

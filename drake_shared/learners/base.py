@@ -35,6 +35,8 @@ class Learner(Protocol):
               trial; "progress" is that of the nearest demonstrated point, which waits for a slow driver.
             - "evidence": What counts as an observation. "pose", the default, or "pose+command", where the
               point to which the human's command leads is a second one.
+            - "confidence_calibration": Makes the confidence a probability; see
+              `drake_shared.learners.calibrated_confidence`.
             - "scenario": Name of the scenario of the demonstrations.
             - "training": Record of the training; `drake_shared.learners.dataset.data_record` makes its part
               about the data, from which lineage is drawn.

@@ -13,7 +13,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Inpu
 
 from drake_shared.arbitration.path_repair import PathRepair
 from drake_shared.common.errors import InputError, RunError
-from drake_shared.learners import Learner, Modes, confidence
+from drake_shared.learners import Learner, Modes
 from drake_shared.robots import DiffDrive, Robot, check_robot, scaled_length
 from drake_shared.systems.discrete_update import DeclareDiscreteUpdate, check_positive
 from drake_shared.systems.intention import Intention, empty_intention
@@ -78,7 +78,9 @@ class IntentionEstimator(LeafSystem):
 
     Outputs:
         intention: :class:`~drake_shared.systems.intention.Intention`. Direct feedthrough.
-        confidence (1): c_f of eq. (1) of Amirshirzad et al. 2022, in [0, 1]; NaN where the variance is.
+        confidence (1): c_f of eq. (1) of Amirshirzad et al. 2022, in [0, 1]; NaN where the variance is. For
+            learners whose metadata have "confidence_calibration", the probability that the intention is
+            correct.
         mean_variance (1): Mean variance of the steps to come, over the D coordinates, in [m^2].
         influence (2): How far the pose and how far the human's command moved the expected path in this step:
             root mean square over the steps to come, in [m].
@@ -268,7 +270,7 @@ class IntentionEstimator(LeafSystem):
                 variance=prepared.padded(variance),
                 first=first,
                 modes=modes,
-                confidence=confidence(spread, gain),
+                confidence=prepared.confidence(spread, gain, whole_mean[first:], first),
                 mean_variance=spread,
                 expected=expected,
                 by_command=by_command,

@@ -11,8 +11,16 @@ from numpy.typing import NDArray
 
 from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import ProgressClock
-from drake_shared.learners import Learner, Modes, MultimodalLearner, PrefixLearner, check_prediction
+from drake_shared.learners import (
+    Learner,
+    Modes,
+    MultimodalLearner,
+    PrefixLearner,
+    check_prediction,
+    confidence,
+)
 from drake_shared.learners.base import Prediction
+from drake_shared.learners.calibrated_confidence import CalibratedConfidence, CalibratedForecasts
 from drake_shared.learners.route_modes import RouteModes
 from drake_shared.robots import Robot, scaled_length
 
@@ -29,8 +37,9 @@ class PreparedLearner:
     """A learner as the intention estimator uses it.
 
     Args:
-        learner: Its metadata choose the clock ("clock": "progress" or "time") and the evidence ("evidence":
-            "pose+command" lets the human's command count as an observation).
+        learner: Its metadata choose the clock ("clock": "progress" or "time"), the evidence ("evidence":
+            "pose+command" lets the human's command count as an observation) and what the confidence is
+            ("confidence_calibration": a probability, see `drake_shared.learners.calibrated_confidence`).
         robot: Gives D, the size of a position, and the scale of tolerances.
         use_human_command: False ignores the human's command whatever the metadata choose.
 
@@ -60,6 +69,12 @@ class PreparedLearner:
         moments = np.linspace(0, len(self.grid) - 1, MOMENTS + 1).round().astype(int)[1:]
         # Indices of the coordinates at the moments in a flat array of a whole grid.
         self.moments = (size * moments[:, None] + np.arange(size)).ravel()
+        calibration = CalibratedConfidence.from_learner(learner)
+        self.calibrated = (
+            None
+            if calibration is None or taught is None
+            else CalibratedForecasts(calibration, self.grid, taught)
+        )
         self._unknown = np.full((len(self.grid), size), math.nan)
 
     def predict(
@@ -96,6 +111,20 @@ class PreparedLearner:
         if len(predictions) > 1 and np.may_share_memory(predictions[0][0], mean):
             raise InputError(self.source, "predict", "must return new arrays, not views of a buffer")
         return predictions, modes
+
+    def confidence(self, variance: float, gain: float, path: Array, first: int) -> float:
+        """c_f of eq. (1), or, if the learner's metadata hold a calibration, a probability.
+
+        Args:
+            variance: Mean variance, in [m^2].
+            gain: K, in [1/m^2].
+            path: Shape (Q, D), predicted from entry ``first`` of the grid on, in [m].
+            first: Index of the grid.
+        """
+        if self.calibrated is None:
+            return confidence(variance, gain)  # type: ignore[no-any-return]
+        ratio = np.array([gain * variance])
+        return float(self.calibrated(ratio, path[None], first, np.array([first]))[0])
 
     @cached_property
     def route_modes(self) -> RouteModes | None:

@@ -76,7 +76,7 @@ class Estimators:
         prepared = PreparedLearner(learner, robot, use_human_command=use_human_command)
         self._least_distance = scaled_length(robot, LEAST_DISTANCE)
         self._count = len(prepared.grid)
-        self._uses_command = prepared.uses_command
+        self._uses_command, self._calibrated = prepared.uses_command, prepared.calibrated
         self._clock = None if prepared.clock is None else _Clock(prepared.clock, prepared.grid)
         if self._clock is None:
             # Observations have the time of the step, and those of commands the same time later.
@@ -131,15 +131,20 @@ class Estimators:
             )
             observed = np.stack([index, later], axis=-1)
             positions = np.stack([positions[:, 0], np.stack([ahead_x, ahead_y], axis=-1)], axis=1)
-        spread, moved = np.empty(rows), np.zeros(rows)
+        spread, moved, sure = np.empty(rows), np.zeros(rows), np.empty(rows)
         expected, target = np.full((2, MOMENTS, rows), math.nan), np.empty((2, rows))
         order = np.argsort(self._first[index], kind="stable")
         for begin in range(0, rows, _ROWS):
             part = order[begin : begin + _ROWS]
             block = self._block(
-                observed[part], positions[part], pointed[part], pose[:, part].T, step * self._period
+                observed[part],
+                positions[part],
+                pointed[part],
+                pose[:, part].T,
+                step * self._period,
+                gain[part],
             )
-            spread[part], moved[part], target[:, part], later_expected = block
+            spread[part], moved[part], sure[part], target[:, part], later_expected = block
             expected[:, MOMENTS - later_expected.shape[1] :, part] = later_expected
         flat = expected.transpose(1, 0, 2).reshape(2 * MOMENTS, rows)
         offsets = flat - before
@@ -149,7 +154,7 @@ class Estimators:
         by_pose = np.sqrt(square / np.maximum(known.sum(axis=0), 1))
         return Estimates(
             reached=index,
-            confidence=confidence(spread, gain, ARRAYS),
+            confidence=sure,
             mean_variance=spread,
             influence=np.stack([by_pose, moved]),
             expected=flat,
@@ -157,9 +162,15 @@ class Estimators:
         )
 
     def _block(
-        self, observed: Integers, positions: Floats, pointed: NDArray[np.bool_], poses: Floats, time: float
-    ) -> tuple[Floats, Floats, Floats, Floats]:
-        """Mean variance, distance moved by the command, target and expected positions of some rows."""
+        self,
+        observed: Integers,
+        positions: Floats,
+        pointed: NDArray[np.bool_],
+        poses: Floats,
+        time: float,
+        gain: Floats,
+    ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """Mean variance, distance moved by the command, confidence, target and expected positions of rows."""
         now = observed[:, 0]
         first = self._first[now]
         start = int(first[0])
@@ -187,7 +198,12 @@ class Estimators:
         moments = self._moments[self._moments >= start]
         expected = mean[:, 0][:, :, moments - start].transpose(1, 2, 0)
         expected = np.where(moments[:, None] >= first, expected, math.nan)
-        return mean_to_come(total), moved, self._aims.target(chosen, now, start), expected
+        spread = mean_to_come(total)
+        if self._calibrated is None:
+            sure: Floats = confidence(spread, gain, ARRAYS)
+        else:
+            sure = self._calibrated(gain * spread, chosen.transpose(0, 2, 1), start, first)
+        return spread, moved, sure, self._aims.target(chosen, now, start), expected
 
     def _repaired(
         self, repair: PathRepair, chosen: Floats, poses: Floats, now: Integers, time: float

@@ -11,6 +11,7 @@ from drake_shared.arbitration.authority import Authority
 from drake_shared.common.files import models_directory
 from drake_shared.demonstrations import read_demonstrations
 from drake_shared.learners import load_learner, train
+from drake_shared.learners.calibrated_confidence import CALIBRATION_KEY, CalibratedConfidence, OpenWay
 from drake_shared.learners.ensemble.learner import EnsembleLearner
 from drake_shared.learners.mixture.learner import MixtureLearner
 from drake_shared.operators.behaviour import Behaviour
@@ -75,6 +76,22 @@ def test_every_named_operator(name):
     scenario = load_scenario("two_obstacles")
     simulation = Simulation(scenario, learner=learner_of("two_obstacles"))
     check_equal(simulation, [operator_settings(scenario, name, seed=seed) for seed in range(2)])
+
+
+def test_a_calibrated_confidence():
+    scenario, learner = load_scenario("two_obstacles"), learner_of("two_obstacles")
+    calibration = CalibratedConfidence(
+        log_ratio=(0.0, 1.0, 2.0),
+        probability=(1.0, 0.9, 0.2),
+        open_ways=((), (OpenWay(until=6.3, alike=1),), ()),
+    )
+    calibrated = dataclasses.replace(
+        learner, metadata={**learner.metadata, CALIBRATION_KEY: calibration.to_json()}
+    )
+    settings = [operator_settings(scenario, "unskilled", seed=seed) for seed in range(2)]
+    trials = check_equal(Simulation(scenario, learner=calibrated), settings)
+    # On the second route a way was never demonstrated: the confidence is at most that of the other one.
+    assert trials[1]["confidence"][40:80].max() == pytest.approx(1.0 / 1.3)
 
 
 ARBITERS = [
