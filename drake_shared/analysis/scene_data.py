@@ -19,7 +19,8 @@ def describe_task(scenario: Scenario) -> dict[str, Any]:
     space, start, robot = scenario.workspace, scenario.start, scenario.robot
     if isinstance(robot, Arm):
         x, y, _ = scenario.routes[0].waypoints[0]
-        place, sizes = [x, y, 0.0], {"arm": True, "robot_radius": robot.link_radius}
+        place = [x, y, 0.0]
+        sizes = {"arm": True, "robot_radius": robot.link_radius, "height": space.z_max}
     else:
         place = [start.x, start.y, start.yaw]
         sizes = {

@@ -8,6 +8,20 @@ from drake_shared.systems.tip_input import TipInput
 pytestmark = pytest.mark.browser
 
 
+# Base and tip, as Meshcat places them.
+BASE_IN_VIEW = """() => {
+  const { THREE } = window.MeshCat;
+  const links = [];
+  viewer.scene.traverse((node) => { if (node.isMesh && /link|tip/.test(pathOf(node))) links.push(node); });
+  return links.length > 5 && links.every((link) => {
+    const middle = new THREE.Box3().setFromObject(link).getCenter(new THREE.Vector3());
+    const { x, y } = middle.project(viewer.camera);
+    return Math.abs(x) < 1 && Math.abs(y) < 1;
+  });
+  function pathOf(node) { return node ? `${pathOf(node.parent)}/${node.name}` : ""; }
+}"""
+
+
 @pytest.fixture(scope="module")
 def cockpit(start_lasting_cockpit):
     scenario = load_scenario("table_three_cups")
@@ -24,6 +38,15 @@ def test_wheel_and_click_move_the_tip_as_the_page_says(cockpit, lasting_context,
     page.wait_for_selector("#drive:not([disabled])")
     assert page.get_attribute('[data-view="free"]', "aria-pressed") == "true"
     assert "x-y" in page.inner_text("#plane")
+    # The whole arm is in view, base and all.
+    page.wait_for_function(BASE_IN_VIEW)
+    # The lines of the map are thinner than what they are around, also on a table of a metre.
+    page.wait_for_selector(".setup-map .goal", state="attached")
+    goal = page.locator(".setup-map .goal").first
+    thickness, radius = goal.evaluate(
+        "node => [parseFloat(getComputedStyle(node).strokeWidth), +node.getAttribute('r')]"
+    )
+    assert 0.0 < thickness < radius
     page.evaluate("document.getElementById('intro').hidden = true")
     page.click("#drive")
     until(lambda: cockpit.driver_lock.holder is not None, "a driver")

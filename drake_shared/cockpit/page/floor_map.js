@@ -1,4 +1,4 @@
-// Draws a task and the ways driven in it from above: workspace, obstacles, start, goals, routes and paths.
+// Draws a task and the paths driven in it from above: workspace, obstacles, start, goals, routes and paths.
 // Lengths in m from the middle of the workspace, y up.
 
 import { svg } from "./svg.js";
@@ -25,6 +25,7 @@ export class FloorMap {
     const margin = this.#unit;
     const box = [-width / 2 - margin, -height / 2 - margin, width + 2 * margin, height + 2 * margin];
     this.element = svg("svg", { class: "floor-map", viewBox: box.join(" "), role: "img", "aria-label": label });
+    this.element.style.setProperty("--unit", this.#unit);
     this.element.append(
       svg("rect", { class: "floor", x: -width / 2, y: -height / 2, width, height, rx: this.#unit / 2 }),
       ...scene.obstacles.map((obstacle) => this.#drawObstacle(obstacle)),
@@ -37,7 +38,7 @@ export class FloorMap {
     );
   }
 
-  // Shows one way driven; `rows` are [t, x, y, w, confidence, contact].
+  // Shows one driven path; `rows` are [t, x, y, w, confidence, contact].
   addPath(rows, className) {
     const points = rows.filter(([, x, y]) => x !== null && y !== null);
     const line = points.map(([, x, y]) => this.at([x, y]).join(" ")).join("L");

@@ -6,6 +6,7 @@ import { levelOf, who, why } from "./phrases.js";
 const at = (id) => document.getElementById(id);
 const percent = (share) => (share === null ? "–" : `${Math.round(100 * share)} %`);
 const unit = (value, digits, name) => (value === null ? "–" : `${value.toFixed(digits)} ${name}`);
+const rounded = (value) => value.toFixed(2).replace(/^-(0\.00)$/, "$1");
 const HELD = 600; // ms for which a reason stays, unless a more urgent one comes.
 const URGENT = ["contact", "paused", "hands_off", "conflict"];
 const RUNNING = ["armed", "driving", "stopping"];
@@ -107,8 +108,10 @@ export class Panel {
     this.#update();
   }
 
-  setTrial({ phase, result }) {
+  setTrial({ phase, result, mode }) {
     this.#phase = phase;
+    // Without an agent there is no confidence to show.
+    at("deck").dataset.alone = String(mode === "human");
     this.#result = result;
     if (["ready", "armed"].includes(phase)) this.#said = { reason: null, until: 0 };
     this.#update();
@@ -164,8 +167,8 @@ export class Panel {
     for (const name of ["human", "autonomous", "shared"]) {
       const twist = this.#twist(now[name]);
       const [speed, yawRate] = this.#rows[name];
-      speed.textContent = twist ? twist.speed.toFixed(2) : "–";
-      yawRate.textContent = twist ? twist.yawRate.toFixed(2) : "–";
+      speed.textContent = twist ? rounded(twist.speed) : "–";
+      yawRate.textContent = twist ? rounded(twist.yawRate) : "–";
       points[name] = twist && [-twist.yawRate / this.#scene[this.#scene.arm ? "max_speed" : "max_yaw_rate"], -twist.speed / this.#scene.max_speed];
     }
     this.#commands.show(points);

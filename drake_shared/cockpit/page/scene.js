@@ -89,6 +89,8 @@ export class Scene {
   setTask(message) {
     this.#task = localTask(message);
     for (const part of [this.#floor, this.#robot, this.#routes, this.#trail, this.#views]) part.setTask(this.#task);
+    // The table under an arm ends at the height of the floor, where neither would hide the other.
+    this.#group.position.z = this.#task.arm ? 0.01 * this.#task.unit : 0;
     this.#pose = null;
     this.#throttle.refresh();
     this.#markView();

@@ -36,6 +36,9 @@ export function localTask(message) {
     wheelRadius: message.wheel_radius,
     track: message.track,
     arm: message.arm ?? false,
+    // Where the arm's base is, at the origin of the world, and how high its workspace is.
+    base: move([0, 0]),
+    height: message.height ?? 0,
   };
 }
 

@@ -137,18 +137,20 @@ export class Views {
     camera.updateProjectionMatrix();
   }
 
-  // Looks from the side of the start, so far away that the whole workspace is seen.
+  // Looks from the side of the start, so far away that the whole workspace is seen, and an arm.
   #fitFree(width, height) {
     const { camera, controls } = this.#viewer;
-    const { width: w, depth: d, unit } = this.#task;
+    const { width: w, depth: d, unit, arm, base, height: top } = this.#task;
     const upwards = height > 1.2 * width;
     const direction = upwards ? [-0.72, 0, 0.75] : [0, -0.72, 0.75];
     const limit = [1 - (2 * MARGIN) / width, 1 - (2 * (MARGIN + this.#bottom)) / height];
     const corners = [-1, 1].flatMap((a) => [-1, 1].map((b) => [(a * w) / 2, (b * d) / 2, 0]));
-    controls.target.set(0, 0, 0);
+    const middle = arm ? [base[0] / 2, base[1] / 2, top / 2] : [0, 0, 0];
+    if (arm) corners.push([...base, 0], ...[base, ...corners].map(([x, y]) => [x, y, top]));
+    controls.target.copy(toThree(middle));
     for (let distance = 0.5 * unit; distance < 20 * Math.max(w, d, unit); distance *= 1.04) {
-      this.#place(direction.map((part) => part * distance));
-      camera.lookAt(0, 0, 0);
+      this.#place(direction.map((part, i) => middle[i] + part * distance));
+      camera.lookAt(controls.target);
       camera.updateMatrixWorld();
       const inside = corners.every((corner) => {
         const { x, y, z } = toThree(corner).project(camera);
