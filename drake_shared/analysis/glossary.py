@@ -132,6 +132,10 @@ OF_TRIALS: Mapping[str, Measure] = MappingProxyType(
         "safety_share": Measure(
             unit="share", better=LOWER, meaning="Share of steps that it changed; only with a filter."
         ),
+        "plane_switches": Measure(
+            better=LOWER,
+            meaning="Number of switches between the planes x-y and y-z (Herlant et al. 2016); only with an arm.",
+        ),
     }
 )
 """Of the metrics of trials, in their order."""

@@ -57,6 +57,7 @@ class Metrics(TypedDict):
             smoother.
         safety_change: Mean norm of safe - shared; only with a safety filter. Not part of the dissimilarity.
         safety_share: Share of steps at which safe and shared differ; only with a safety filter.
+        plane_switches: Number of switches between the planes x-y and y-z of an arm's tip; only with an arm.
     """
 
     success: bool
@@ -86,6 +87,7 @@ class Metrics(TypedDict):
     smoothness: float
     safety_change: NotRequired[float]
     safety_share: NotRequired[float]
+    plane_switches: NotRequired[float]
 
 
 class Interval(TypedDict):
@@ -177,6 +179,8 @@ def metrics_of(trials: Sequence[Trial]) -> list[Metrics]:
         change = _norm([safe - made for safe, made in zip(rows.commands("safe"), shared, strict=True)])
         columns["safety_change"] = rows.mean(change).tolist()
         columns["safety_share"] = rows.mean(change > 0.0).tolist()
+    if "plane_switches" in trials[0].columns:
+        columns["plane_switches"] = [float(trial["plane_switches"][-1]) for trial in trials]
     return [
         cast(Metrics, dict(zip(columns, values, strict=True)))
         for values in zip(*columns.values(), strict=True)

@@ -49,6 +49,13 @@ def test_docs_treat_warnings_as_errors(checkout, tmp_path):
     assert "--fail-on-warning" in called.stdout
 
 
+def test_models_makes_the_demonstrations_and_learners_that_ship(checkout):
+    called = subprocess.run([checkout / "scripts/models"], text=True, **CAPTURE)
+    made = [line.partition("--out ")[2] for line in called.stdout.splitlines()]
+    shipped = [*ROOT.glob("models/demonstrations/*"), *ROOT.glob("models/learners/*")]
+    assert sorted(made) == sorted(path.relative_to(ROOT).as_posix() for path in shipped)
+
+
 def test_lock_files_pin_versions_and_name_no_host():
     for lock in ROOT.glob("requirements*.lock"):
         lines = [line for line in lock.read_text().splitlines() if not line.startswith("#")]

@@ -55,7 +55,7 @@ def test_an_operator_who_switches_planes_moves_one_at_a_time(alone):
     behaviour = dataclasses.replace(ARM_OPERATORS["switches-planes"].behaviour, noise=0.01)
     trial = alone.run(TrialSettings(route="left", behaviour=behaviour))
     assert trial.status == "reached"
-    assert trial["plane_switches"][-1] >= 1
+    assert metrics(trial)["plane_switches"] == trial["plane_switches"][-1] >= 1
     across = np.where(trial["plane"] == 0.0, trial["human_vz"], trial["human_vx"])
     # A command is that of the plane in which it began.
     assert not across[np.flatnonzero(np.diff(trial["plane"], prepend=0.0) == 0.0)].any()
