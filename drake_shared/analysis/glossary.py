@@ -134,7 +134,8 @@ OF_TRIALS: Mapping[str, Measure] = MappingProxyType(
         ),
         "plane_switches": Measure(
             better=LOWER,
-            meaning="Number of switches between the planes x-y and y-z (Herlant et al. 2016); only with an arm.",
+            meaning="Number of switches between the planes x-y and y-z (Herlant et al. 2016); only with an "
+            "arm.",
         ),
     }
 )

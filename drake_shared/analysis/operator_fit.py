@@ -25,6 +25,7 @@ from drake_shared.analysis.operator_likelihood import (
 )
 from drake_shared.common.errors import InputError
 from drake_shared.operators.behaviour import LONGEST_DELAY
+from drake_shared.robots import DiffDrive
 from drake_shared.scenario import Route, Scenario, scenario_from_dict
 from drake_shared.scenario.paths import Path
 from drake_shared.simulation.trial import Trial
@@ -91,8 +92,8 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
     """Fits a simulated operator to the trials of one operator.
 
     Args:
-        trials: In mode "shared" or "human", of one scenario, one preset and one type of operator, each with
-            its intended route.
+        trials: Of a differential drive, in mode "shared" or "human", of one scenario, one preset and one type
+            of operator, each with its intended route.
         names: Of the trials, for errors.
 
     Raises:
@@ -209,6 +210,9 @@ def _check(trials: Sequence[Trial], names: Sequence[str]) -> None:
     first = trials[0].metadata
     for trial, name in zip(trials, names, strict=True):
         metadata = trial.metadata
+        if trial.robot.type != DiffDrive.__name__:
+            expected = "must be a differential drive: the fitted law steers wheels"
+            raise InputError(name, "robot", expected, trial.robot.type)
         if metadata.get("mode") not in ("shared", "human"):
             raise InputError(
                 name,
