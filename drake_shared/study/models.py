@@ -22,14 +22,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy import special, stats
+from scipy.linalg import solve_triangular
+from scipy.optimize import minimize
 from statsmodels.genmod.cov_struct import Exchangeable
 from statsmodels.genmod.generalized_estimating_equations import GEE
-from statsmodels.regression.mixed_linear_model import MixedLM, VCSpec
 
 from drake_shared.analysis.statistics import ALPHA, holm, holm_levels
+from drake_shared.common.threads import single_threaded
 from drake_shared.study.design import DeclaredMeasure
 
 Floats = NDArray[np.float64]
+# Bounds: of the residual variance, as a share of the values' own, and of the standard deviations of random
+# effects, as multiples of that of the residuals.
+_LEAST_VARIANCE, _LARGEST_DEVIATION = 1e-12, 100.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -149,33 +154,54 @@ def _fit_share(frame: pd.DataFrame, fixed: pd.DataFrame, freedom: float) -> Fit:
 def _fit_mixed(
     values: Floats, fixed: pd.DataFrame, groups: Mapping[str, NDArray[Any]], freedom: float
 ) -> Fit:
-    names, columns, matrices = [], [], []
-    for name, labels in groups.items():
-        levels = sorted(set(labels))
-        names.append(name)
-        columns.append([levels])
-        matrices.append([np.array([[float(label == level) for level in levels] for label in labels])])
-    # Values of a large mean and a small spread would be badly scaled for the optimizer.
-    scale = float(values.std()) or 1.0
-    model = MixedLM(
-        values / scale,
-        fixed.to_numpy(float),
-        groups=np.zeros(len(values)),
-        exog_vc=VCSpec(names, columns, matrices),
+    """Maximises the restricted likelihood, profiled over fixed effects and residual variance.
+
+    As in lme4 (Bates et al. 2015), a random effect is a relative standard deviation times a
+    standard normal vector. The search uses no gradient: this vanishes where a variance is 0, which is often
+    the best value.
+    """
+    x = fixed.to_numpy(float)
+    levels = {name: sorted(set(labels)) for name, labels in groups.items()}
+    z = np.hstack([np.array(labels)[:, None] == levels[name] for name, labels in groups.items()]).astype(
+        float
     )
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        # At the boundary, where a variance is 0, statsmodels warns.
-        warnings.simplefilter("ignore")
-        found = model.fit(reml=True, method=["bfgs", "lbfgs", "powell"])
-    count = len(fixed.columns)
+    # Values less their least squares: of a large mean and a small spread, products would lose the digits.
+    first = np.linalg.lstsq(x, values, rcond=None)[0]
+    rest = values - x @ first
+    scale = float(rest.std()) or 1.0
+    w = np.column_stack((x, rest / scale))
+    products, freedom_left = (z.T @ z, z.T @ w, w.T @ w), len(values) - x.shape[1]
+    sizes = [len(names) for names in levels.values()]
+
+    def profiled(deviations: Floats) -> tuple[float, Floats, Floats, float]:
+        """Deviance without constants, inverse of X' V^-1 X, fixed effects, and residual variance."""
+        each = np.repeat(deviations, sizes)
+        root = np.linalg.cholesky(np.eye(len(each)) + each[:, None] * products[0] * each)
+        half = solve_triangular(root, each[:, None] * products[1], lower=True)
+        left = products[2] - half.T @ half
+        inverse = np.linalg.inv(left[:-1, :-1])
+        effects = inverse @ left[:-1, -1]
+        variance = max(float(left[-1, -1] - left[:-1, -1] @ effects) / freedom_left, _LEAST_VARIANCE)
+        deviance = 2.0 * np.log(np.diag(root)).sum() - np.linalg.slogdet(inverse)[1]
+        return float(deviance + freedom_left * math.log(variance)), inverse, effects, variance
+
+    with single_threaded():
+        found = minimize(
+            lambda deviations: profiled(deviations)[0],
+            np.full(len(sizes), 0.5),
+            method="Powell",
+            bounds=[(0.0, _LARGEST_DEVIATION)] * len(sizes),
+            options={"xtol": 1e-5, "ftol": 1e-10},
+        )
+        _, inverse, effects, variance = profiled(found.x)
+    residual = scale**2 * variance
     return Fit(
         names=list(fixed),
-        values=scale * np.asarray(found.fe_params),
-        covariance=scale**2 * np.asarray(found.cov_params())[:count, :count],
+        values=first + scale * effects,
+        covariance=residual * inverse,
         freedom=freedom,
         model="linear mixed model (REML), random " + ", ".join(groups),
-        variances={name: float(v) * scale**2 for name, v in zip(names, found.vcomp, strict=True)}
-        | {"residual": float(found.scale) * scale**2},
+        variances=dict(zip(groups, (residual * found.x**2).tolist(), strict=True)) | {"residual": residual},
     )
 
 
