@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -12,6 +13,9 @@ from drake_shared.cli.command import Command, OptionalInt, OptionalText
 from drake_shared.cli.common import parquet_files, print_json
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
+
+if TYPE_CHECKING:
+    from drake_shared.study.store import StudyData
 
 _FOLDER = tyro.conf.Positional[Path]
 
@@ -108,34 +112,65 @@ class Run(Command):
     """Of the study, with its protocol."""
     simulate: OptionalInt = None
     """Number of simulated participants, for a dry run without people. Default: people, on the page."""
+    page: bool = False
+    """Let the simulated participants click, answer and drive on the pages, in Chromium, in real time."""
+    pictures: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    """Folder for a picture of each page that they see. Default: no pictures."""
     host: str = "127.0.0.1"
     """Address that the pages listen on. Anything but this machine's own shows them to the network."""
     port: int = 8090
     """Port that the pages listen on; 0 takes any that is free."""
+    participants: tuple[str, ...] = ()
+    """Those that this server takes, such as P01 P02; further servers take others. Default: all."""
+    behind_proxy: OptionalText = None
+    """Address under which a proxy shows the pages, such as https://lab.example:8090."""
     dropout: float = 0.0
-    """Probability with which a simulated participant withdraws."""
+    """Probability with which a simulated participant withdraws; not on the page."""
 
     def run(self) -> None:
         """Runs the command."""
-        from tqdm import tqdm
-
         from drake_shared.study.dry_run import simulate
-        from drake_shared.study.links import EXPERIMENTER
-        from drake_shared.study.server import StudyServer, run_study
         from drake_shared.study.store import StudyData
 
         data = StudyData(self.folder)
-
-        def announce(server: StudyServer) -> None:
-            for name in (EXPERIMENTER, *data.steps):
-                print(f"{name}  {server.address_of(name)}", flush=True)
-
-        if self.simulate is None:
-            run_study(data, host=self.host, port=self.port, announce=announce)
+        if self.simulate is None or self.page:
+            self._serve(data)
             return
+        from tqdm import tqdm
+
         ran = simulate(data, self.simulate, dropout=self.dropout)
         done = list(tqdm(ran, total=self.simulate, unit="participant", disable=None))
         say(f"took {len(done)} simulated participants through {self.folder}")
+
+    def _serve(self, data: StudyData) -> None:
+        from drake_shared.study.links import EXPERIMENTER
+        from drake_shared.study.server import StudyServer, run_study
+
+        if self.page and self.simulate is None:
+            raise InputError("study run", "--page", "needs --simulate, the number of simulated participants")
+
+        def announce(server: StudyServer) -> None:
+            for name in (EXPERIMENTER, *server.participants):
+                print(f"{name}  {server.address_of(name)}", flush=True)
+
+        server = StudyServer(
+            data,
+            host=self.host,
+            port=self.port,
+            participants=self.participants,
+            proxy=self.behind_proxy,
+            simulated=self.page,
+        )
+        if self.simulate is None:
+            run_study(server, announce)
+            return
+        try:
+            from drake_shared.study.simulated_page import simulate_on_page
+        except ModuleNotFoundError as error:
+            expected = f"needs {error.name}: pip install 'drake_shared[browser]'"
+            raise InputError("study run", "--page", expected) from error
+        visit = functools.partial(simulate_on_page, server, data, self.simulate, pictures=self.pictures)
+        run_study(server, announce, visit)
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -196,6 +231,9 @@ class Analyze(Command):
             print_json({"report": str(page), **found.to_json()})
         else:
             for item in (*found.primary, *found.secondary):
+                if item.mean != item.mean:
+                    print(f"too few participants for {item.measure.name}, {item.one} - {item.other}")
+                    continue
                 print(
                     f"{item.verdict:10s} {item.measure.name}, {item.one} - {item.other}: {item.mean:.3g} "
                     f"[{item.low:.3g}, {item.high:.3g}] (p = {item.p:.2g}, n = {item.participants})"

@@ -189,7 +189,7 @@ def _sections(data: StudyData, found: Analysis) -> list[Section]:
         Section(
             title="Data",
             text=[],
-            tables=[checks],
+            tables=[checks, _means_table(data, found)],
             data={"trials": _columns(found.trials), "answers": _columns(found.answers)},
         ),
         _contrast_section("Primary measures", found.primary, "They decide."),
@@ -200,6 +200,21 @@ def _sections(data: StudyData, found: Analysis) -> list[Section]:
         ),
         _order_section(data, found),
     ]
+
+
+def _means_table(data: StudyData, found: Analysis) -> Table:
+    """Means of the measures in each condition, and how the participants' means vary."""
+    rows = []
+    for item in (*data.study.measures.primary, *data.study.measures.secondary):
+        values = values_of(item.name, found.trials, found.answers, data.study)
+        row = [_label(item)]
+        for name in data.study.conditions:
+            own = pd.DataFrame([value for value in values if value["condition"] == name])
+            means = own.groupby("participant")["value"].mean() if len(own) else pd.Series(dtype=float)
+            row.append(f"{number(means.mean())} ({number(means.std())})")
+        rows.append(row)
+    caption = "Mean of the participants' means in each condition, and their standard deviation."
+    return Table(caption=caption, head=["measure", *data.study.conditions], rows=rows)
 
 
 def _columns(rows: Sequence[Row]) -> list[Row]:
@@ -213,18 +228,18 @@ def _contrast_section(title: str, contrasts: Sequence[Contrast], role: str) -> S
         [
             _label(item.measure),
             f"{item.one} − {item.other}",
+            item.verdict,
             f"{number(item.mean)} [{number(item.low)}, {number(item.high)}]",
             f"{item.level:.1%}",
             number(item.p),
             f"{number(item.effect)} [{number(item.effect_low)}, {number(item.effect_high)}]",
             f"{item.participants} ({item.observations})",
             f"{item.measure.hypothesis}, {number(item.measure.smallest_effect)}",
-            item.verdict,
         ]
         for item in contrasts
     ]
-    head = ["measure", "contrast", "difference", "level", "p (Holm)", "d and 95% interval"]
-    head += ["participants (values)", "tested, smallest effect", "verdict"]
+    head = ["measure", "contrast", "verdict", "difference", "level", "p (Holm)", "d and 95% interval"]
+    head += ["n (values)", "test"]
     figure, axes = new_figure(0.5 + 0.45 * len(contrasts))
     for height, item in enumerate(contrasts):
         scaled = [value / item.measure.smallest_effect for value in (item.mean, item.low, item.high)]
@@ -234,11 +249,14 @@ def _contrast_section(title: str, contrasts: Sequence[Contrast], role: str) -> S
     for bound in (-1.0, 1.0):
         axes.axvline(bound, color="0.6", linewidth=0.8, linestyle="--")
     label_lines(axes, [f"{item.measure.name}: {item.one} − {item.other}" for item in contrasts])
-    axes.set(xlabel="difference, in smallest effects of interest")
+    axes.set(xlabel="difference, in smallest effects of interest", ylim=(len(contrasts) - 0.5, -0.5))
     models = sorted({item.model for item in contrasts})
     return Section(
         title=title,
-        text=[f"{role} Models: {'; '.join(models)}."],
+        text=[
+            f"{role} Models: {'; '.join(models)}. The last columns: number of participants and of values; "
+            "what was tested, and the smallest effect of interest."
+        ],
         pictures=[Picture.of(figure, "Differences with the intervals at which they were decided.")],
         tables=[Table(caption=f"{title}: contrasts between conditions.", head=head, rows=rows)],
     )
@@ -253,7 +271,7 @@ def _order_section(data: StudyData, found: Analysis) -> Section:
         if within and len({row["participant"] for row in values}) > 2:
             change = trend(fit(values, within=within, share=is_share(item.name)))
             if change is not None:
-                mean, low, high = change
+                mean, low, high = (0.0 if abs(value) < 1e-12 else value for value in change)
                 rows.append([_label(item), f"{number(mean)} [{number(low)}, {number(high)}]"])
     text = "Learning and fatigue: the linear change of each measure from one place in the order to the next."
     table = Table(

@@ -74,13 +74,25 @@ class BlockChoices(TrialChoices):
         self.route = None if following is None else following.route
 
 
-def run_block(folder: str, participant: str, *, host: str, ping: float, back: str, pipe: Connection) -> None:
+def run_block(
+    folder: str,
+    participant: str,
+    *,
+    host: str,
+    port: int,
+    proxy: str | None,
+    simulated: bool,
+    ping: float,
+    back: str,
+    pipe: Connection,
+) -> None:
     """Serves the page for the trials of the participant's next block, and returns after the last.
 
     Args:
         folder: Of the study.
         participant: Whose next step is a trial.
-        host: Address to listen on; the port is any free one.
+        host, port, proxy: See `drake_shared.cockpit.drive.drive`.
+        simulated: Whether the participant is.
         ping: Round-trip time of the participant's machine, in [s].
         back: Address of the participant's page, to which the page returns.
         pipe: Receives the address of the page; when its other end is closed, the session ends.
@@ -101,12 +113,14 @@ def run_block(folder: str, participant: str, *, host: str, ping: float, back: st
         return MouseInput(robot=choices.scenario.robot, source=timed[0])
 
     def on_trial(trial: Trial) -> bool:
-        step = data.next_step(participant)
+        step, ages = data.next_step(participant), list(timed[0].ages)
+        timed[0].ages.clear()  # A trial that cannot be written is driven again.
         if step is not None and trial.status in COMPLETE:
-            data.write_trial(step, trial, measured=_timing(trial, timed[0].ages, ping))
+            measured = _timing(trial, ages, ping)
+            data.write_trial(step, trial, simulated=simulated, measured=measured)
         else:
-            data.note(participant, f"a trial ended as {trial.status} and is driven again")
-        timed[0].ages.clear()
+            text = f"a trial ended as {trial.status} and is driven again"
+            data.note(participant, text, simulated=simulated)
         following = data.next_step(participant)
         over = following is None or following.index >= end
         session.server.publish("study", _announcement(data, following, back if over else None))
@@ -119,6 +133,8 @@ def run_block(folder: str, participant: str, *, host: str, ping: float, back: st
         operator=make_mouse,
         config=choices.config,
         host=host,
+        port=port,
+        proxy=proxy,
         interrupted=interrupted,
         report=lambda _: None,
         choices=choices,
@@ -134,11 +150,14 @@ def _announcement(data: StudyData, step: Step | None, back: str | None) -> dict[
     """What the page shows of the study: the trial, what is hidden, and where to go when the block is over."""
     if step is None or step.kind != "trial":
         return {"text": "", "hidden": [], "back": back}
-    shown = data.study.conditions[str(step.condition)].page
+    condition = data.study.conditions[str(step.condition)]
+    # Who drives alone has no agent to see.
+    alone = condition.config.driver == "human"
+    hidden = [name for name in SHOWN if alone or not condition.page.get(name, True)]
     count = data.study.practice if step.block == PRACTICE else data.study.trials
     what = "Practice" if step.block == PRACTICE else f"Block {step.block}"
     text = f"{what}, trial {step.trial} of {count}: drive along the route that is drawn."
-    return {"text": text, "hidden": [name for name in SHOWN if not shown.get(name, True)], "back": back}
+    return {"text": text, "hidden": hidden, "back": back}
 
 
 def _timing(trial: Trial, ages: list[float], ping: float) -> dict[str, float | None]:

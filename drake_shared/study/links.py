@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import secrets
@@ -25,7 +26,8 @@ def load_links(data: StudyData) -> Mapping[str, str]:
     path = Path(data.folder) / _FILE
     wanted = {EXPERIMENTER, *data.steps}
     if not path.is_file():
-        with created_once(path) as temporary:
+        # Another server of the study may make them at the same time.
+        with contextlib.suppress(InputError), created_once(path) as temporary:
             temporary.touch(mode=0o600)
             temporary.write_text(json.dumps({name: secrets.token_urlsafe(12) for name in sorted(wanted)}))
     try:

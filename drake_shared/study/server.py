@@ -8,15 +8,18 @@ import functools
 import multiprocessing
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from aiohttp import web
 from markdown_it import MarkdownIt
 
+from drake_shared.cockpit.access import Access
 from drake_shared.cockpit.listening_socket import listen
-from drake_shared.common.errors import DrakeSharedError
+from drake_shared.common.errors import DrakeSharedError, InputError
+from drake_shared.common.suggestions import did_you_mean
 from drake_shared.study.block import run_block
 from drake_shared.study.links import EXPERIMENTER, load_links
 from drake_shared.study.steps import Step, end_of_trials
@@ -84,16 +87,37 @@ class StudyServer:
         data: Of the study.
         host: Address to listen on.
         port: Port to listen on; 0 takes any free one.
+        participants: Those that are served; all if empty. Further servers take others, on the same folder or
+            a copy of it.
+        proxy: Origin under which a proxy shows this server, such as "https://lab.example:8090". Participant n
+            then drives at this origin's port plus n, which leads to this server's port plus n.
+        simulated: Whether the participants are.
 
     Raises:
-        InputError: The port is in use, or the data are of simulated participants.
+        InputError: The port is in use, a participant is unknown, ``proxy`` is no origin, or the data are of
+            the other kind of participants.
     """
 
-    def __init__(self, data: StudyData, *, host: str = "127.0.0.1", port: int = 0) -> None:
-        data.check_kind(simulated=False)
+    def __init__(
+        self,
+        data: StudyData,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        participants: Sequence[str] = (),
+        proxy: str | None = None,
+        simulated: bool = False,
+    ) -> None:
+        data.check_kind(simulated=simulated)
+        for name in participants:
+            if name not in data.steps:
+                expected = f"must be participants of the study{did_you_mean(name, data.steps)}"
+                raise InputError("study run", "--participants", expected, name)
         self._data = data
+        self._proxy = Access(host=host, proxy=proxy).proxy
+        self._simulated = simulated
         self._links = load_links(data)
-        self._seats = {name: Seat() for name in data.steps}
+        self._seats = {name: Seat() for name in participants or data.steps}
         self._questionnaires = data.study.load_questionnaires()
         self._markdown = MarkdownIt("commonmark", {"html": False})
         self._spawn = multiprocessing.get_context("spawn")
@@ -103,7 +127,25 @@ class StudyServer:
     def address_of(self, who: str) -> str:
         """The link of a participant or of the experimenter."""
         kind = "e" if who == EXPERIMENTER else "p"
-        return f"http://{self._host}:{self._port}/{kind}/{self._links[who]}"
+        origin = self._proxy or f"http://{self._host}:{self._port}"
+        return f"{origin}/{kind}/{self._links[who]}"
+
+    @property
+    def participants(self) -> list[str]:
+        """Those that are served."""
+        return list(self._seats)
+
+    def _trials_at(self, name: str) -> tuple[int, str | None]:
+        """Port of a participant's simulation, and its origin if a proxy shows it."""
+        if self._proxy is None:
+            return 0, None
+        number = 1 + list(self._data.steps).index(name)
+        parts = urlsplit(self._proxy)
+        outside = (parts.port or {"https": 443, "http": 80}[parts.scheme]) + number
+        return (
+            self._port + number,
+            f"{parts.scheme}://{parts.netloc.removesuffix(f':{parts.port}')}:{outside}",
+        )
 
     async def serve(self, started: Callable[[], None] = lambda: None) -> None:
         """Serves until cancelled; then all simulations end, after what was finished is written."""
@@ -150,10 +192,10 @@ class StudyServer:
         """The participant, or the experimenter, of a link."""
         link = request.match_info["link"]
         wanted = request.path.startswith("/e/")
-        for name, own in self._links.items():
-            if own == link and (name == EXPERIMENTER) == wanted:
+        for name in (EXPERIMENTER,) if wanted else self._seats:
+            if self._links[name] == link:
                 return name
-        raise web.HTTPNotFound(text="This link is not of this study.")
+        raise web.HTTPNotFound(text="This link is not of this study, or another server has its participant.")
 
     async def _step(self, request: web.Request) -> web.StreamResponse:
         """Takes the answers of a step, if there are any, and returns what to do next."""
@@ -167,7 +209,7 @@ class StudyServer:
         error = None
         try:
             if given.get("withdraw") is True:
-                self._data.end(name, WITHDRAWN, "on the page")
+                self._data.end(name, WITHDRAWN, "on the page", simulated=self._simulated)
             elif given.get("step") is not None:
                 self._complete(name, given["step"], given.get("answers"))
         except DrakeSharedError as failure:
@@ -182,13 +224,13 @@ class StudyServer:
         given = answers if isinstance(answers, dict) else {}
         if following.questionnaire is not None:
             given = self._questionnaires[following.questionnaire].check(given)
-        self._data.write_answers(following, given)
+        self._data.write_answers(following, given, simulated=self._simulated)
 
     def _next(self, name: str, seat: Seat) -> dict[str, Any]:
         """What the participant's page does."""
         ended, step = self._data.ended(name), self._data.next_step(name)
         if step is not None and step.kind == "thanks":
-            self._data.write_answers(step, {})
+            self._data.write_answers(step, {}, simulated=self._simulated)
             step = None
         if ended is not None or step is None:
             seat.stop()
@@ -220,12 +262,16 @@ class StudyServer:
         if seat.process is None:
             seat.end = end_of_trials(self._data.steps[name], step)
             ours, theirs = self._spawn.Pipe()
+            port, proxy = self._trials_at(name)
             seat.pipe = ours
             seat.process = self._spawn.Process(
                 target=run_block,
                 args=(str(self._data.folder), name),
                 kwargs={
                     "host": self._host,
+                    "port": port,
+                    "proxy": proxy,
+                    "simulated": self._simulated,
                     "ping": seat.ping,
                     "back": self.address_of(name),
                     "pipe": theirs,
@@ -254,9 +300,9 @@ class StudyServer:
             try:
                 match given.get("do"):
                     case "note" if text:
-                        self._data.note(name, text)
+                        self._data.note(name, text, simulated=self._simulated)
                     case "exclude" if text:
-                        self._data.end(name, EXCLUDED, text)
+                        self._data.end(name, EXCLUDED, text, simulated=self._simulated)
                         await asyncio.to_thread(self._seats[name].stop)
                     case "pause":
                         self._seats[name].paused = True
@@ -304,16 +350,39 @@ async def _json(request: web.Request) -> dict[str, Any]:
     return given
 
 
-def run_study(data: StudyData, *, host: str, port: int, announce: Callable[[StudyServer], None]) -> None:
-    """Serves the pages of a study until SIGINT or SIGTERM."""
-    server = StudyServer(data, host=host, port=port)
+def run_study(
+    server: StudyServer,
+    announce: Callable[[StudyServer], None],
+    visitors: Callable[[], Coroutine[Any, Any, None]] | None = None,
+) -> None:
+    """Serves the pages of a study until SIGINT or SIGTERM, or until its visitors are done.
+
+    Args:
+        server: Of the study.
+        announce: Called when the server answers.
+        visitors: What visits the pages then; None: only people do.
+    """
 
     async def run() -> None:
-        loop, task = asyncio.get_running_loop(), asyncio.current_task()
+        loop, task, started = asyncio.get_running_loop(), asyncio.current_task(), asyncio.Event()
         assert task is not None
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, task.cancel)
-        await server.serve(started=lambda: announce(server))
+
+        async def visit() -> None:
+            await started.wait()
+            announce(server)
+            await (asyncio.Event().wait() if visitors is None else visitors())
+
+        tasks = [asyncio.create_task(server.serve(started.set)), asyncio.create_task(visit())]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for ended in done:
+                ended.result()
+        finally:
+            for each in tasks:
+                each.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
 
     with contextlib.suppress(asyncio.CancelledError):
         asyncio.run(run())

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
+import itertools
 import json
-import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -101,10 +102,14 @@ class StudyData:
         entry = {"participant": participant, "simulated": simulated, "reason": reason}
         self._write_json(participant, kind, entry)
 
-    def note(self, participant: str, text: str) -> None:
+    def note(self, participant: str, text: str, *, simulated: bool = False) -> None:
         """Adds a note of the experimenter."""
-        entry = {"participant": participant, "simulated": False, "note": text}
-        self._write_json(participant, f"note_{time.time_ns()}", entry)
+        entry = {"participant": participant, "simulated": simulated, "note": text}
+        # Numbered, not timed: the clock may be set back, and another process may add a note at once.
+        for number in itertools.count(1 + len(self.notes(participant))):
+            with contextlib.suppress(InputError):
+                self._write_json(participant, f"note_{number:04d}", entry)
+                return
 
     def notes(self, participant: str) -> list[str]:
         """The experimenter's notes, the oldest first."""

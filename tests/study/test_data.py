@@ -1,5 +1,6 @@
 """Data of a study: every step is there once, whoever is killed, and of this study only."""
 
+import datetime
 import errno
 import json
 import os
@@ -9,15 +10,18 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from drake_shared.cli.main import main
 from drake_shared.common.errors import InputError, RunError
+from drake_shared.study.block import TimedSource
 from drake_shared.study.dry_run import simulate
 from drake_shared.study.protocol import plan
 from drake_shared.study.store import StudyData
 from drake_shared.study.tidy import trial_rows
+from drake_shared.systems.mouse_input import MouseSample
 
 PATIENCE = 60.0
 
@@ -78,6 +82,30 @@ def test_a_step_is_written_once_and_resumed_at_the_right_place(small):
         data.write_answers(consent, {"agreed": False})
     stored = json.loads((small / "data" / "P01" / "000_consent.json").read_text())
     assert stored["answers"] == {"agreed": True}
+
+
+def test_a_clock_that_is_set_back_changes_no_order(small, monkeypatch):
+    plan(small)
+    data = StudyData(small)
+    for number, year in enumerate((2030, 2020, 2010)):
+        now = datetime.datetime(year, 1, 1, tzinfo=datetime.UTC)
+        clock = type("Clock", (datetime.datetime,), {"now": classmethod(lambda *_, now=now: now)})
+        monkeypatch.setattr(datetime, "datetime", clock)
+        data.write_answers(data.steps["P01"][number], {})
+        data.note("P01", f"note {number}")
+    monkeypatch.undo()
+    assert StudyData(small).next_step("P01") == data.steps["P01"][3]
+    assert data.notes("P01") == ["note 0", "note 1", "note 2"]
+
+
+def test_latency_is_measured_by_the_clock_of_the_samples():
+    times = iter([10.0, 10.5])
+    source = TimedSource(
+        SimpleNamespace(latest=lambda: MouseSample(engaged=True, arrival=9.98)), lambda: next(times)
+    )
+    source.latest()
+    source.latest()  # The same sample again is no new event.
+    assert source.ages == [pytest.approx(0.02)]
 
 
 def test_a_full_disk_leaves_no_part_of_a_step(small, monkeypatch):

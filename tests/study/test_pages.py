@@ -2,8 +2,11 @@
 
 import asyncio
 import contextlib
+import functools
 import json
 import os
+import random
+import socket
 import threading
 import time
 import urllib.error
@@ -12,6 +15,7 @@ import urllib.request
 import pytest
 import yaml
 
+from drake_shared.cli.main import main
 from drake_shared.cockpit.chromium import CHROMIUM_ARGUMENTS, find_chromium
 from drake_shared.common.errors import InputError
 from drake_shared.study.dry_run import simulate
@@ -24,6 +28,7 @@ PATIENCE = 240.0  # Simulations start in processes of their own, which a loaded 
 SHORT = """
 name: short
 duration: 10.0
+travel_time: 2.0
 control_period: 0.05
 goal: {x: 0.5, y: 0.0, radius: 0.2}
 workspace: {x_min: -1.0, x_max: 2.0, y_min: -1.0, y_max: 1.0}
@@ -34,28 +39,78 @@ routes:
 
 
 @contextlib.contextmanager
-def serving(data: StudyData):
-    server = StudyServer(data)
-    started, ended = threading.Event(), threading.Event()
+def in_thread(serve):
+    """Runs ``serve(started)``, a coroutine, in a thread until the block ends."""
+    started = threading.Event()
     running: dict = {}
 
     async def run() -> None:
         running["loop"], running["task"] = asyncio.get_running_loop(), asyncio.current_task()
-        await server.serve(started.set)
+        await serve(started.set)
 
     def main() -> None:
         with contextlib.suppress(asyncio.CancelledError):
             asyncio.run(run())
-        ended.set()
 
     thread = threading.Thread(target=main)
     thread.start()
     assert started.wait(PATIENCE)
     try:
-        yield server
+        yield
     finally:
         running["loop"].call_soon_threadsafe(running["task"].cancel)
         thread.join()
+
+
+@contextlib.contextmanager
+def serving(data: StudyData, **options):
+    server = StudyServer(data, **options)
+    with in_thread(server.serve):
+        yield server
+
+
+def free_ports(count: int) -> int:
+    """The first of some ports in a row that nobody uses."""
+    draw = random.Random()
+    while True:
+        first = draw.randrange(20_000, 60_000)
+        with contextlib.suppress(OSError), contextlib.ExitStack() as stack:
+            for port in range(first, first + count):
+                stack.enter_context(socket.create_server(("127.0.0.1", port)))
+            return first
+
+
+def forwarding(ports: dict[int, int]):
+    """A proxy that leads each port to another one, as nginx does for the machines behind it."""
+
+    async def pipe(source, target) -> None:
+        with contextlib.suppress(OSError):
+            while data := await source.read(65_536):
+                target.write(data)
+                await target.drain()
+        target.close()
+
+    async def serve(started) -> None:
+        async def forward(inner: int, reader, writer) -> None:
+            try:
+                there = await asyncio.open_connection("127.0.0.1", inner)
+            except OSError:
+                writer.close()
+                return
+            await asyncio.gather(pipe(reader, there[1]), pipe(there[0], writer))
+
+        servers = [
+            await asyncio.start_server(functools.partial(forward, inner), "127.0.0.1", outer)
+            for outer, inner in ports.items()
+        ]
+        started()
+        try:
+            await asyncio.Event().wait()
+        finally:
+            for server in servers:
+                server.close()
+
+    return in_thread(serve)
 
 
 @pytest.fixture
@@ -148,6 +203,23 @@ def test_who_does_not_agree_takes_no_part(study):
     assert data.completed("P02") == []
 
 
+def test_a_clock_that_is_set_forward_does_not_free_a_link(study, monkeypatch):
+    with serving(StudyData(study)) as server:
+        link, now = server.address_of("P01"), time.time()
+        post(link, "step", page="a", ping=0.001)
+        monkeypatch.setattr(time, "time", lambda: now + 86_400.0)
+        assert post(link, "step", page="b", ping=0.001)["do"] == "refused"
+
+
+@pytest.mark.parametrize(
+    ("options", "field"), [({"participants": ["P1"]}, "--participants"), ({"proxy": "lab.example"}, "")]
+)
+def test_what_a_server_is_asked_to_serve_is_checked(study, options, field):
+    with pytest.raises(InputError) as caught:
+        StudyServer(StudyData(study), **options)
+    assert caught.value.field == field
+
+
 def test_simulated_data_are_not_continued_by_people(study):
     list(simulate(StudyData(study), 1))
     with pytest.raises(InputError):
@@ -184,13 +256,32 @@ def begin_to_drive(page) -> None:
 
 
 @pytest.mark.browser
-def test_two_participants_take_part_side_by_side_with_reloads(study, browser):
+def test_two_participants_take_part_through_a_proxy_to_two_servers_with_reloads(study, browser):
     from axe_playwright_python.sync_playwright import Axe
 
     data = StudyData(study)
-    with serving(data) as server:
+    # Each server has a port for its pages and one more for the trials of each participant, as has the proxy.
+    size = len(data.steps) + 1
+    inside, outside = free_ports(2 * size), free_ports(2 * size)
+    places = {"P01": 0, "P03": size}
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(forwarding({outside + n: inside + n for n in range(2 * size)}))
+        servers = {
+            name: stack.enter_context(
+                serving(
+                    data,
+                    port=inside + offset,
+                    participants=[name],
+                    proxy=f"http://127.0.0.1:{outside + offset}",
+                )
+            )
+            for name, offset in places.items()
+        }
+        with pytest.raises(urllib.error.HTTPError) as caught:
+            post(servers["P01"].address_of("P03"), "step", page="x")
+        caught.value.close()
         pages = []
-        for name in ("P01", "P02"):
+        for name, server in servers.items():
             page = browser.new_context(viewport={"width": 800, "height": 600}).new_page()
             page.set_default_timeout(1000 * PATIENCE)
             page.goto(server.address_of(name))
@@ -205,7 +296,8 @@ def test_two_participants_take_part_side_by_side_with_reloads(study, browser):
         # The first one reloads the page while driving: the trial is driven again.
         begin_to_drive(pages[0])
         pages[0].wait_for_selector("#deck[data-phase=driving]")
-        assert not pages[0].is_visible("#assist-row")
+        assert f":{outside + 1}/" in pages[0].url
+        assert not pages[0].is_visible("#assist-row, #task, #intro, #arbitration")
         pages[0].reload()
         until(lambda: data.notes("P01"), pages[0])
         for page in pages:
@@ -216,13 +308,34 @@ def test_two_participants_take_part_side_by_side_with_reloads(study, browser):
             page.get_by_text("4", exact=True).click()
             page.get_by_role("button", name="Continue").click()
             page.get_by_text("Thank you for taking part.").wait_for()
-        pages[0].goto(server.address_of(EXPERIMENTER))
+        pages[0].goto(servers["P01"].address_of(EXPERIMENTER))
         pages[0].get_by_text("finished").first.wait_for()
         assert Axe().run(pages[0]).violations_count == 0
-    for name in ("P01", "P02"):
-        assert data.next_step(name) is None
     trials = [trial.metadata["study"] for _, trial in data.trials()]
-    assert [trial["participant"] for trial in trials] == ["P01", "P02"]
-    assert all(trial["latency_p99"] >= trial["latency_p50"] > 0.0 for trial in trials)
-    assert all(0.0 <= trial["late_share"] <= 1.0 for trial in trials)
+    assert [trial["participant"] for trial in trials] == list(places)
+    for trial in trials:
+        assert data.next_step(trial["participant"]) is None
+        assert trial["latency_p99"] >= trial["latency_p50"] > 0.0
+        assert 0.0 <= trial["late_share"] <= 1.0
     assert {answers["ease"] for _, answers in data.answers()} == {4}
+
+
+@pytest.mark.browser
+def test_a_simulated_participant_drives_and_answers_on_the_page(study, tmp_path, capsys):
+    if find_chromium() is None:
+        pytest.skip("no Chromium: install it or set DRAKE_SHARED_CHROMIUM")
+    design = yaml.safe_load((study / "study.yaml").read_text())
+    design["questionnaires"]["block"] = ["raw_tlx", "demographics"]
+    (study / "study.yaml").write_text(yaml.safe_dump(design))
+    plan(study)
+    pictures = tmp_path / "pictures"
+    command = ["study", "run", str(study), "--simulate", "1", "--page", "--port", "0"]
+    assert main([*command, "--pictures", str(pictures)]) == 0
+    data = StudyData(study)
+    assert data.next_step("P01") is None
+    ((_, trial),) = data.trials()
+    assert trial.status == "reached"
+    assert trial.metadata["study"]["simulated"]
+    assert [step.questionnaire for step, _ in data.answers()] == ["raw_tlx", "demographics"]
+    assert len(list(pictures.glob("P01_*.png"))) >= 6
+    assert main([*command[:4], "1"]) == 0  # Headless runs continue what pages began.

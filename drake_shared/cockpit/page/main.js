@@ -190,6 +190,7 @@ connection.on("study", (message) => {
   hidden = message.hidden;
   Object.assign(document.body.dataset, { study: "", hidden: hidden.join(" ") });
   at("study-text").textContent = message.text;
+  intro.close(); // The study has an introduction of its own.
   if (message.back) setTimeout(() => location.replace(message.back), BACK);
 });
 connection.on("trail", (message) => scene.setTrail(message));

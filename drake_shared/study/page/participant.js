@@ -40,6 +40,7 @@ function show(next) {
   if (asks && next.step === shown) return; // A heartbeat: the participant reads or answers.
   shown = asks ? next.step : null;
   at("continue").hidden = at("withdraw").hidden = true;
+  content.dataset.step = asks ? (next.step ?? "end") : next.do;
   ACTIONS[next.do](next);
 }
 
@@ -58,11 +59,19 @@ function showText(next) {
   if (next.step === null) at("progress").value = 1;
 }
 
+Survey.settings.ratingMaximumRateValueCount = 100; // The default of 20 would cut scales from 0 to 20.
+
 function showQuestionnaire(next) {
-  content.replaceChildren();
+  // In an element of its own: a second questionnaire is not rendered over the first.
+  const place = document.createElement("div");
+  content.replaceChildren(place);
   const survey = new Survey.Model({ ...next.form, showCompletedPage: false, completeText: "Continue" });
+  for (const question of survey.getAllQuestions()) {
+    // A scale in one row under the names of its ends; a list to unfold would hide both.
+    if (question.getType() === "rating") Object.assign(question, { displayMode: "buttons", rateDescriptionLocation: "top" });
+  }
   survey.onComplete.add(() => send({ step: next.step, answers: survey.data }));
-  survey.render(content);
+  survey.render(place);
 }
 
 // The median of some round trips, without the first, which opens the connection.
