@@ -50,6 +50,9 @@ def program(arguments: list[str], output) -> None:
     from drake_shared.cli.main import main
 
     os.setsid()
+    # In the background of a script, or under nohup, these are ignored, as the program then leaves them.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     os.dup2(output.fileno(), 1)
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 2)
