@@ -51,7 +51,7 @@ class FusionModel:
     """Rate at which drivers change their destination, in 1/s."""
     switching_to_none: float = 0.05
     """Share of these changes that lead to none of the known ones."""
-    gradual: float = 0.8
+    gradual: float = 0.15
     """Share of these changes that are gradual; the others are sudden."""
     drifting: float = 0.05
     """Rate at which the noise of a driver changes, in 1/s."""
