@@ -39,6 +39,10 @@ def files_of(folder: Path) -> dict[str, bytes]:
     return found
 
 
+def full_disk(*_):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
 @pytest.fixture
 def whole(small) -> Path:
     plan(small)
@@ -53,6 +57,21 @@ def test_every_step_is_there_once_and_simulating_again_changes_nothing(whole):
     assert all(data.next_step(name) is None for name in data.steps)
     list(simulate(data, 4))
     assert files_of(whole) == before
+
+
+def test_a_trial_that_a_full_disk_keeps_from_being_written_is_the_next_step_again(whole, monkeypatch):
+    data = StudyData(whole)
+    step, trial = next(data.trials())
+    path = whole / "data" / step.participant / f"{step.name}.parquet"
+    path.unlink()
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "link", full_disk)
+        with pytest.raises(RunError):
+            data.write_trial(step, trial)
+    assert not path.exists()
+    assert data.next_step(step.participant) == step
+    data.write_trial(step, trial)
+    assert path.is_file()
 
 
 def test_a_killed_run_continues_as_if_it_had_not_been(whole, tmp_path_factory):
@@ -112,11 +131,8 @@ def test_a_full_disk_leaves_no_part_of_a_step(small, monkeypatch):
     plan(small)
     data = StudyData(small)
 
-    def full(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
     with monkeypatch.context() as patched:
-        patched.setattr(os, "link", full)
+        patched.setattr(os, "link", full_disk)
         with pytest.raises(RunError):
             data.write_answers(data.steps["P01"][0], {})
     assert list((small / "data" / "P01").iterdir()) == []
@@ -150,6 +166,16 @@ def test_data_of_another_study_or_a_renamed_file_are_refused(whole, tmp_path_fac
     shutil.copy(log, log.with_name("foreign.parquet"))
     with pytest.raises(InputError):
         list(StudyData(whole).trials())
+    log.with_name("foreign.parquet").unlink()
+    other = tmp_path_factory.mktemp("other")
+    (other / "study.yaml").write_text(
+        (whole / "study.yaml").read_text().replace("name: small", "name: other")
+    )
+    plan(other)
+    shutil.copytree(whole / "data", other / "data", dirs_exist_ok=True)
+    with pytest.raises(InputError) as caught:
+        list(StudyData(other).trials())
+    assert caught.value.field == "study"
 
 
 def test_people_and_simulated_participants_are_not_mixed(small):

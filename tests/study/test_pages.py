@@ -21,6 +21,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.study.dry_run import simulate
 from drake_shared.study.links import EXPERIMENTER
 from drake_shared.study.protocol import plan
+from drake_shared.study.questionnaires import Questionnaire
 from drake_shared.study.server import StudyServer
 from drake_shared.study.store import StudyData
 
@@ -321,13 +322,20 @@ def test_two_participants_take_part_through_a_proxy_to_two_servers_with_reloads(
 
 
 @pytest.mark.browser
-def test_a_simulated_participant_drives_and_answers_on_the_page(study, tmp_path, capsys):
+def test_a_simulated_participant_drives_and_answers_on_the_page(study, tmp_path, monkeypatch):
     if find_chromium() is None:
         pytest.skip("no Chromium: install it or set DRAKE_SHARED_CHROMIUM")
     design = yaml.safe_load((study / "study.yaml").read_text())
     design["questionnaires"]["block"] = ["raw_tlx", "demographics"]
     (study / "study.yaml").write_text(yaml.safe_dump(design))
     plan(study)
+    drawn = Questionnaire.simulated_answers
+
+    def highest(self, random):
+        ratings = {item["name"]: item["rateMax"] for item in self.items if item["type"] == "rating"}
+        return drawn(self, random) | ratings
+
+    monkeypatch.setattr(Questionnaire, "simulated_answers", highest)
     pictures = tmp_path / "pictures"
     command = ["study", "run", str(study), "--simulate", "1", "--page", "--port", "0"]
     assert main([*command, "--pictures", str(pictures)]) == 0
@@ -336,6 +344,8 @@ def test_a_simulated_participant_drives_and_answers_on_the_page(study, tmp_path,
     ((_, trial),) = data.trials()
     assert trial.status == "reached"
     assert trial.metadata["study"]["simulated"]
-    assert [step.questionnaire for step, _ in data.answers()] == ["raw_tlx", "demographics"]
+    asked = {step.questionnaire: answers for step, answers in data.answers()}
+    assert list(asked) == ["raw_tlx", "demographics"]
+    assert set(asked["raw_tlx"].values()) == {20}
     assert len(list(pictures.glob("P01_*.png"))) >= 6
     assert main([*command[:4], "1"]) == 0  # Headless runs continue what pages began.
