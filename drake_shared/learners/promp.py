@@ -24,7 +24,7 @@ WEIGHTS_PER_AXIS = 25
 _OBSERVATION_NOISE, _FLOOR = 0.2, 0.04
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class PrompLearner(GridLearner):
     """A Gaussian over trajectories (Paraschos et al. 2013), conditioned on points with noise. A `Learner`.
 

@@ -21,7 +21,7 @@ from drake_shared.learners.ood_variance import OodVariance
 _DERIVED = ("format", "version", "learner", "duration", "architecture")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class StoredLearner:
     """A learner whose annotated fields are written to files; see `drake_shared.learners.fields`.
 
@@ -41,6 +41,11 @@ class StoredLearner:
         for name, kind in _fields_of(type(self)).items():
             if isinstance(kind, Tensor):
                 object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def __repr__(self) -> str:
+        """Without arrays, which fill pages."""
+        scenario = self.metadata.get("scenario")
+        return f"{type(self).__name__}({scenario!r}, {self.preset!r}, K={self.confidence_gain:.4g})"
 
     def to_file(self) -> tuple[Tensors, dict[str, Any]]:
         """Tensors and JSON-serializable description of a file; see `drake_shared.learners.save_learner`."""
@@ -76,7 +81,7 @@ class StoredLearner:
         return {name: kind.read(name, content) for name, kind in _fields_of(cls).items()}
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GridLearner(StoredLearner):
     """A learner that keeps its demonstrations on a grid of times.
 
@@ -108,7 +113,7 @@ class GridLearner(StoredLearner):
         return values
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RegressionLearner(GridLearner):
     """A learner that predicts offsets from a reference path, in units of a scale.
 

@@ -154,3 +154,7 @@ def test_a_learner_without_a_file_is_not_written(tmp_path):
     with pytest.raises(InputError, match="to_file"):
         save_learner(object(), tmp_path / "none.safetensors")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_learner_is_described_in_one_line():
+    assert len(repr(load_learner("two_obstacles"))) < 100

@@ -20,7 +20,7 @@ from drake_shared.learners.stored import RegressionLearner
 Floats = NDArray[np.float32]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CesnLearner(RegressionLearner):
     """An echo state network with prediction intervals, after CESN+ (arXiv 2412.00541). A `Learner`.
 

@@ -21,7 +21,7 @@ from drake_shared.learners.stored import RegressionLearner
 Floats = NDArray[np.float32]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CnmpLearner(RegressionLearner):
     """Predicts trajectories as the CNMP of sec. III.A of Amirshirzad et al. 2022 does. A `Learner`.
 

@@ -14,7 +14,7 @@ from drake_shared.learners.fields import Parts
 from drake_shared.learners.stored import StoredLearner
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class EnsembleLearner(StoredLearner):
     """Several CNMPs, trained alike from different seeds (Lakshminarayanan et al. 2017). A `Learner`.
 

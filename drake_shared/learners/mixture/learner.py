@@ -22,7 +22,7 @@ NEGLIGIBLE = 1e-4
 """An expert less probable than this has no noticeable effect, and is not evaluated."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MixtureLearner(StoredLearner):
     """Expert decoders with a gate, after CNEP (Yildirim and Ugur, arXiv 2402.08424). A `MultimodalLearner`.
 
