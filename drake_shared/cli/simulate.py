@@ -91,7 +91,7 @@ class Simulate(LearnerOptions):
         if self.json:
             print_json({"trials": rows, "summary": summary})
         else:
-            print_summary(summary, len(rows))
+            print_summary(summary, len(rows), command_unit=scenario.robot.command_units[0])
         if self.out is not None:
             logs = f"{len(rows)} logs" if self.trials_per_log == 1 else f"logs of {len(rows)} trials"
             say(f"{logs} are in {self.out}" if self.resume else f"wrote {logs} to {self.out}")
@@ -136,8 +136,8 @@ class Simulate(LearnerOptions):
         return path
 
 
-def print_summary(summary: dict[str, Any], count: int) -> None:
-    """Writes the metrics of ``count`` trials as a table."""
+def print_summary(summary: dict[str, Any], count: int, *, command_unit: str) -> None:
+    """Writes the metrics of ``count`` trials of a robot with commands in ``command_unit`` as a table."""
     trials = "1 trial" if count == 1 else f"{count} trials"
     print(f"{trials} of a simulated operator: mean and 95% interval")
     # Completion times, for example, are of successes only.
@@ -146,4 +146,4 @@ def print_summary(summary: dict[str, Any], count: int) -> None:
         for name, values in summary.items()
         if values["mean"] is not None
     ]
-    print("\n".join(figure_lines(known)))
+    print("\n".join(figure_lines(known, command_unit=command_unit)))
