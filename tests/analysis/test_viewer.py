@@ -13,6 +13,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 from drake_shared.analysis.glossary import OF_TRIALS
+from drake_shared.analysis.metrics import metrics
 from drake_shared.analysis.viewer import Catalogue, Viewer, write_page
 from drake_shared.analysis.viewer.details import MOST_POINTS, details
 from drake_shared.analysis.viewer.page import MOST_EMBEDDED
@@ -96,9 +97,8 @@ def test_one_file_can_be_given_and_nothing_else(folder, tmp_path):
 def test_a_trial_is_shown_with_its_figures_and_its_scene(folder, human_trial):
     shown = details(found(folder)["a.parquet"])
     assert shown["path"][0] == pytest.approx(human_trial["x"], abs=1e-3)
-    assert [figure["name"] for figure in shown["figures"]] == [
-        name for name in OF_TRIALS if not name.startswith("safety")
-    ]
+    measured = metrics(human_trial)
+    assert [figure["name"] for figure in shown["figures"]] == [name for name in OF_TRIALS if name in measured]
     assert [item["name"] for item in shown["scene"]["obstacles"]] == ["first", "second"]
     (least,) = shown["marks"]["least_clearance"]
     assert least[0] == pytest.approx(human_trial["x"][np.argmin(human_trial["clearance"])])
