@@ -50,7 +50,7 @@ def arm_page(
         ribbons: Predicted routes at every ``every``-th row; none are drawn without any.
         every: As above.
     """
-    meshcat = start_quiet_meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+    meshcat = start_quiet_meshcat(MeshcatParams(host="localhost", port=0, show_stats_plot=False))
     show_scene(meshcat, scenario, arm)
     builder = DiagramBuilder()
     scene_graph = builder.AddSystem(SceneGraph())

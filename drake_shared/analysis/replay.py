@@ -105,7 +105,7 @@ def write_replay(
 
 def _meshcat_page(scenario: Scenario) -> str:
     """Meshcat's own page with robot and obstacles."""
-    meshcat = start_quiet_meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+    meshcat = start_quiet_meshcat(MeshcatParams(host="localhost", port=0, show_stats_plot=False))
     center_scene(meshcat, scenario)
     builder = DiagramBuilder()
     scene_graph = builder.AddSystem(SceneGraph())

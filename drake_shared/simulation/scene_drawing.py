@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 
 from pydrake.geometry import Meshcat, MeshcatParams
@@ -11,14 +12,20 @@ from drake_shared.scenario import Scenario
 
 
 def start_quiet_meshcat(params: MeshcatParams) -> Meshcat:
-    """Starts a Meshcat that does not log its own address, where that is not the one to open."""
+    """Starts a Meshcat that does not log its own address, where that is not the one to open.
+
+    It lives as long as the process: Drake aborts the program where another thread than the one that made a
+    Meshcat frees it, and garbage is collected by any thread.
+    """
     logger = logging.getLogger("drake")
     level = logger.level
     logger.setLevel(logging.WARNING)
     try:
-        return Meshcat(params)
+        meshcat = Meshcat(params)
     finally:
         logger.setLevel(level)
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(meshcat))
+    return meshcat
 
 
 def center_scene(meshcat: Meshcat, scenario: Scenario) -> None:

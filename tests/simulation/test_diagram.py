@@ -214,9 +214,11 @@ def test_contact_in_each_row_is_of_the_step_that_led_to_it(scenario):
 
 
 def test_meshcat_adds_the_looks_and_the_visualizer_and_changes_no_bit(open_floor, route_learner):
-    from pydrake.geometry import Meshcat, MeshcatParams
+    from pydrake.geometry import MeshcatParams
 
-    meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+    from drake_shared.simulation.scene_drawing import start_quiet_meshcat
+
+    meshcat = start_quiet_meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
     open_floor.duration = 2.0
     learner = route_learner(open_floor)
     watched = Simulation(open_floor, learner=learner, meshcat=meshcat)
