@@ -12,7 +12,7 @@ from drake_shared.scenario import Scenario, check_scenario
 from drake_shared.simulation.teaching import teach
 from drake_shared.simulation.trial import Simulation, TrialSettings
 
-SCALES = [0.1, 0.3, 10.0]
+SCALES = [0.1, 0.2, 0.3, 2.0, 10.0]
 
 
 def scaled(scenario: Scenario, scale: float) -> Scenario:

@@ -151,9 +151,9 @@ def test_studies_without_an_effect_seldom_report_one():
         any(
             item.verdict != "open" for item in contrasts_of([(TIME, study(100 + n))], ["a", "b"], within=True)
         )
-        for n in range(20)
+        for n in range(40)
     )
-    assert reported <= stats.binom.ppf(0.999, 20, 0.05)
+    assert reported <= stats.binom.ppf(0.999, 40, 0.05)
 
 
 def test_report_is_self_contained_and_carries_the_protocol(small, capsys):
