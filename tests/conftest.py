@@ -1,4 +1,4 @@
-"""What several tests need: scenarios, a learner without training, and a step of a discrete system."""
+"""What several tests need: scenarios, a learner without training, a step of a system, and axe-core."""
 
 import copy
 import signal
@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page
 from pydrake.systems.framework import Context, LeafSystem
 from threadpoolctl import threadpool_limits
 
@@ -58,6 +60,21 @@ class FakeLearner:
         index = np.searchsorted(self.grid, np.asarray(query_times) - 1e-9)
         variance = np.broadcast_to(self.variance, self.demonstrations[0].shape)
         return self.demonstrations[0][index].copy(), variance[index].copy()
+
+
+@pytest.fixture(scope="session")
+def violations() -> Callable[[Page], list[str]]:
+    """What axe-core finds on a page: the rule, the elements and what to do."""
+
+    def find(page: Page) -> list[str]:
+        found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+        return [
+            f"{item['id']}: {node['target']} {node['failureSummary']}"
+            for item in found
+            for node in item["nodes"]
+        ]
+
+    return find
 
 
 @pytest.fixture(scope="session", autouse=True)

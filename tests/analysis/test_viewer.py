@@ -10,7 +10,6 @@ import urllib.request
 
 import numpy as np
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 
 from drake_shared.analysis.glossary import OF_TRIALS
 from drake_shared.analysis.metrics import metrics
@@ -196,12 +195,6 @@ def test_the_command_writes_a_page_or_says_what_is_wrong(folder, tmp_path, capsy
         assert (said.out, said.err.count("\n")) == ("", 1)
 
 
-def violations(page) -> list:
-    """What axe-core finds."""
-    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
-    return [(item["id"], [node["target"] for node in item["nodes"]]) for item in found]
-
-
 @pytest.fixture(scope="module")
 def browser():
     path = find_chromium()
@@ -217,7 +210,9 @@ def browser():
 
 
 @pytest.mark.browser
-def test_the_page_filters_opens_and_lays_trials_over_each_other(browser, viewer, folder, tmp_path):
+def test_the_page_filters_opens_and_lays_trials_over_each_other(
+    browser, viewer, folder, tmp_path, violations
+):
     from playwright.sync_api import expect
 
     write_page(Catalogue(folder), tmp_path / "page.html")

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 
 from drake_shared.cockpit import CockpitServer, DriverLock, describe_now, describe_scene, start_meshcat
 from drake_shared.cockpit.drive_history import DriveHistory
@@ -41,14 +40,14 @@ IN_VIEW = """(selectors) => {
     return box.bottom > innerHeight + 1 || box.top < -1 || box.width < 1;
   });
 }"""
-AXE_OPTIONS = {"resultTypes": ["violations"]}
 
 
 class Inspector:
     """A page that is looked at in every size, in one state after the other."""
 
-    def __init__(self, page):
+    def __init__(self, page, violations):
         self._page = page
+        self._violations = violations
         self.faults: list[str] = []
 
     def inspect(self, state: str, *, driving: bool = False, brief: bool = False):
@@ -65,12 +64,7 @@ class Inspector:
         for theme, size in themes[1:] if brief else themes:
             self._page.evaluate("(theme) => { document.documentElement.dataset.theme = theme; }", theme)
             self._resize(*size)
-            found = Axe().run(self._page, options=AXE_OPTIONS).response["violations"]
-            self.faults += [
-                f"{state}, {theme}, {size}: {violation['id']}: {node['target']} {node['failureSummary']}"
-                for violation in found
-                for node in violation["nodes"]
-            ]
+            self.faults += [f"{state}, {theme}, {size}: {fault}" for fault in self._violations(self._page)]
 
     def _resize(self, width: int, height: int):
         self._page.set_viewport_size({"width": width, "height": height})
@@ -157,8 +151,8 @@ def inspect_tabs(page, inspector: Inspector, state: str):
             inspector.inspect(f"{state}, {tab.get_attribute('id')}")
 
 
-def test_every_state_is_whole_at_every_size_and_accessible(page, stage):
-    inspector = Inspector(page)
+def test_every_state_is_whole_at_every_size_and_accessible(page, stage, violations):
+    inspector = Inspector(page, violations)
     inspector.inspect("introduction")
     page.click("#intro-skip")
     inspect_tabs(page, inspector, "ready")
@@ -313,14 +307,14 @@ delete Element.prototype.requestPointerLock;
 """
 
 
-def test_without_webgl_and_pointer_lock_one_drives_on_a_flat_drawing(browser_context, stage):
+def test_without_webgl_and_pointer_lock_one_drives_on_a_flat_drawing(browser_context, stage, violations):
     stage.set_phase("ready")
     page = browser_context.new_page()
     page.add_init_script(PLAIN_BROWSER)
     page.goto(stage.address)
     page.wait_for_selector("#deck[data-phase=ready]")
     page.click("#intro-skip")
-    inspector = Inspector(page)
+    inspector = Inspector(page, violations)
     inspector.inspect("without WebGL")
     assert inspector.faults == [], "\n".join(inspector.faults)
     page.set_viewport_size({"width": 800, "height": 600})
@@ -339,7 +333,9 @@ def test_without_webgl_and_pointer_lock_one_drives_on_a_flat_drawing(browser_con
     page.close()
 
 
-def test_a_page_comes_back_by_itself_when_the_server_does(browser_context, stage, start_cockpit, short_floor):
+def test_a_page_comes_back_by_itself_when_the_server_does(
+    browser_context, stage, start_cockpit, short_floor, violations
+):
     cockpit = start_cockpit(short_floor, token="a key that stays the same")
     port = cockpit.session.server.port
     page = browser_context.new_page()
@@ -349,7 +345,7 @@ def test_a_page_comes_back_by_itself_when_the_server_does(browser_context, stage
     page.wait_for_selector("body.offline")
     assert page.is_disabled("#drive")
     page.click("#intro-skip")
-    inspector = Inspector(page)
+    inspector = Inspector(page, violations)
     inspector.inspect("offline", brief=True)
     assert inspector.faults == [], "\n".join(inspector.faults)
     start_cockpit(short_floor, token="a key that stays the same", port=port)
@@ -357,14 +353,14 @@ def test_a_page_comes_back_by_itself_when_the_server_does(browser_context, stage
     page.wait_for_selector("#drive:enabled")
 
 
-def test_a_page_without_the_key_says_what_to_do(browser_context, stage):
+def test_a_page_without_the_key_says_what_to_do(browser_context, stage, violations):
     page = browser_context.new_page()
     page.goto(stage.address.partition("?")[0])
     assert "drake-shared printed" in page.inner_text("main")
-    assert Axe().run(page, options=AXE_OPTIONS).response["violations"] == []
+    assert violations(page) == []
 
 
-def test_teaching_says_which_demonstration_and_whether_it_is_kept(page, stage):
+def test_teaching_says_which_demonstration_and_whether_it_is_kept(page, stage, violations):
     # The last test of its stage: pages that come later receive these messages too.
     page.click("#intro-skip")
     told = {"wanted": 3, "kept": 1, "routes": {"left_right": 1}, "last": 2, "void": None}
@@ -374,7 +370,7 @@ def test_teaching_says_which_demonstration_and_whether_it_is_kept(page, stage):
     page.wait_for_selector("#lesson:not([hidden])")
     assert "2 of 3" in page.inner_text("#task")
     assert "1 of 3" in page.inner_text("#assistance-used")
-    inspector = Inspector(page)
+    inspector = Inspector(page, violations)
     inspector.inspect("teaching")
     page.click("#discard")
     stage.until(lambda: stage.driver_lock.take_request() == Discard(2), "the request")

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 
 from drake_shared.analysis.replay import write_replay
 from drake_shared.simulation.trial import Trial
@@ -89,13 +88,12 @@ def test_everything_is_in_view(page, size):
 
 
 @pytest.mark.parametrize(("theme", "size"), [("light", (1280, 720)), ("dark", (390, 844))])
-def test_axe_core_finds_no_fault(page, theme, size):
+def test_axe_core_finds_no_fault(page, theme, size, violations):
     page.set_viewport_size({"width": size[0], "height": size[1]})
     page.emulate_media(color_scheme=theme)
     page.wait_for_selector(f"[data-theme={theme}]")
     page.wait_for_selector(".scene-labels [data-kind=route]:not([hidden])")
-    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
-    assert [(item["id"], [node["target"] for node in item["nodes"]]) for item in found] == []
+    assert violations(page) == []
 
 
 def test_outcome_and_figures_are_those_of_the_trial(page, human_trial):

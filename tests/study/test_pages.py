@@ -71,7 +71,7 @@ def serving(data: StudyData, **options):
 
 
 def free_ports(count: int) -> int:
-    """The first of some ports in a row that nobody uses."""
+    """The first of ``count`` consecutive ports that are free."""
     draw = random.Random()
     while True:
         first = draw.randrange(20_000, 60_000)
@@ -257,9 +257,7 @@ def begin_to_drive(page) -> None:
 
 
 @pytest.mark.browser
-def test_two_participants_take_part_through_a_proxy_to_two_servers_with_reloads(study, browser):
-    from axe_playwright_python.sync_playwright import Axe
-
+def test_two_participants_take_part_through_a_proxy_to_two_servers_with_reloads(study, browser, violations):
     data = StudyData(study)
     # Each server has a port for its pages and one more for the trials of each participant, as has the proxy.
     size = len(data.steps) + 1
@@ -290,7 +288,7 @@ def test_two_participants_take_part_through_a_proxy_to_two_servers_with_reloads(
         for page in pages:
             page.get_by_role("button", name="I agree").click()
             page.get_by_text("Drive to the goal.").wait_for()
-        assert Axe().run(pages[0]).violations_count == 0
+        assert violations(pages[0]) == []
         pages[0].reload()
         for page in pages:
             page.get_by_role("button", name="Continue").click()
@@ -311,7 +309,7 @@ def test_two_participants_take_part_through_a_proxy_to_two_servers_with_reloads(
             page.get_by_text("Thank you for taking part.").wait_for()
         pages[0].goto(servers["P01"].address_of(EXPERIMENTER))
         pages[0].get_by_text("finished").first.wait_for()
-        assert Axe().run(pages[0]).violations_count == 0
+        assert violations(pages[0]) == []
     trials = [trial.metadata["study"] for _, trial in data.trials()]
     assert [trial["participant"] for trial in trials] == list(places)
     for trial in trials:
