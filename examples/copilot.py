@@ -141,9 +141,9 @@ def main(rounds: int = 12) -> list[Trial]:
     env = gymnasium.make("drake_shared/SharedControl-v0", role="agent", learner=learner, config=config)
     gains, scores = train(env, routes, rounds=rounds)
     print(f"score {scores[0]:.2f} of the human alone, {scores[-1]:.2f} with gains {gains.round(2).tolist()}")
+    goal = np.array(scenario.goal.position(scenario.robot.position_names))
     trials = []
     for each in (HUMAN, gains):
-        goal = np.array(scenario.goal.position(scenario.robot.position_names))
         arbiter = CopilotArbiter(each, goal=goal, robot=scenario.robot, period=scenario.control_period)
         simulation = Simulation(scenario, learner=learner, arbiter=arbiter)
         trials += [simulation.run(TrialSettings(route=name, seed=9)) for name in routes]

@@ -11,7 +11,7 @@ from scipy.optimize import isotonic_regression
 
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
-from drake_shared.learners.calibrated_confidence import CalibratedConfidence, OpenWay
+from drake_shared.learners.calibrated_confidence import LEAST_RATIO, CalibratedConfidence, OpenWay
 from drake_shared.robots import DiffDrive
 from drake_shared.scenario import Scenario
 from drake_shared.scenario.paths import passing_side
@@ -41,7 +41,7 @@ def calibrated_confidence(
     known = np.isfinite(ratio)
     if not known.any():
         raise InputError("evaluate", "trials", "must have steps on demonstrated routes")
-    logs = np.log10(np.maximum(ratio[known], 1e-12))
+    logs = np.log10(np.maximum(ratio[known], LEAST_RATIO))
     order = np.argsort(logs, kind="stable")
     parts = np.array_split(order, min(_POINTS, len(order)))
     centers = np.array([logs[part].mean() for part in parts])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -231,7 +232,7 @@ class Analyze(Command):
             print_json({"report": str(page), **found.to_json()})
         else:
             for item in (*found.primary, *found.secondary):
-                if item.mean != item.mean:
+                if math.isnan(item.mean):
                     print(f"too few participants for {item.measure.name}, {item.one} - {item.other}")
                     continue
                 print(

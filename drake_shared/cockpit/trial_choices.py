@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 from drake_shared.arbitration.feedback import Feedback
 from drake_shared.cockpit.messages import Setup
 from drake_shared.common.errors import InputError
-from drake_shared.common.files import created_once, models_directory
+from drake_shared.common.files import created_once, models_directory, numbered
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners import Learner, load_learner, save_learner, train
 from drake_shared.scenario import Scenario, clearance_scorer, load_scenario
@@ -200,8 +199,8 @@ class TrialChoices:
 
 def _save_new(learner: Learner, folder: Path, name: str) -> Path:
     """Saves a learner under a name that no file in ``folder`` has: another session may share it."""
-    for number in itertools.count(1):
-        path = folder / f"{name}{'' if number == 1 else f'-{number}'}.safetensors"
+    for own in numbered(name):
+        path = folder / f"{own}.safetensors"
         try:
             with created_once(path) as temporary:
                 save_learner(learner, temporary)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import itertools
 import os
 import stat
 import tempfile
@@ -55,6 +56,13 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = False) -> Iterato
         # Some libraries raise it with several lines of text.
         reason = os.strerror(error.errno) if error.errno else " ".join(str(error).split())
         raise RunError(f"{target}: cannot be written ({reason})") from error
+
+
+def numbered(name: str) -> Iterator[str]:
+    """``name``, ``name-2``, ``name-3`` and so on, for a file that must not replace another one."""
+    yield name
+    for number in itertools.count(2):
+        yield f"{name}-{number}"
 
 
 @contextlib.contextmanager

@@ -119,7 +119,7 @@ def variants(scenario: str | None, case: str = "obstacle") -> tuple[Scenario, ..
 
 
 def _with_obstacle(world: Scenario, route: Route, share: float, space: float) -> Scenario:
-    """A new obstacle on a route, which passes it on the left, or on the right if ``space`` is negative."""
+    """The scenario with a new obstacle, which one route passes on the left, or right if ``space`` < 0."""
     path = route.path(world.start)
     along = share * path.length
     x, y, yaw, _ = path.frame(along)

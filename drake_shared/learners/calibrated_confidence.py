@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 CALIBRATION_KEY = "confidence_calibration"
 """Entry of a learner's metadata that holds what `CalibratedConfidence.to_json` returns."""
 _NEW_WAY = 0.3
-_LEAST = 1e-12
+LEAST_RATIO = 1e-12
+"""Smaller ratios K var count as this one."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -97,8 +98,10 @@ class CalibratedConfidence:
 
     def on_demonstrated(self, ratio: Array) -> Array:
         """The probability (n,) for each ratio K var (n,), if the driver is on a demonstrated route."""
-        known = np.interp(np.log10(np.maximum(ratio, _LEAST)), self.log_ratio, self.probability)
-        return np.asarray(known * np.minimum(10.0 ** self.log_ratio[-1] / np.maximum(ratio, _LEAST), 1.0))
+        known = np.interp(np.log10(np.maximum(ratio, LEAST_RATIO)), self.log_ratio, self.probability)
+        return np.asarray(
+            known * np.minimum(10.0 ** self.log_ratio[-1] / np.maximum(ratio, LEAST_RATIO), 1.0)
+        )
 
 
 class CalibratedForecasts:

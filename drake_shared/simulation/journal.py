@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import itertools
 import json
 import os
 import queue
@@ -23,7 +22,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from drake_shared.common.errors import RunError
-from drake_shared.common.files import check_writable
+from drake_shared.common.files import check_writable, numbered
 from drake_shared.demonstrations import METADATA_KEY
 from drake_shared.simulation.log import Trial, write_log
 
@@ -156,8 +155,8 @@ def recover_trials(folder: Path) -> list[Path]:
 
 def _reserve(folder: Path, name: str) -> tuple[BinaryIO, Path]:
     """Creates a journal, locked, of whose name there is neither a log nor a journal."""
-    for number in itertools.count(1):
-        path = folder / f"{name}{'' if number == 1 else f'-{number}'}{_SUFFIX}"
+    for own in numbered(name):
+        path = folder / f"{own}{_SUFFIX}"
         try:
             file = open(path, "xb")  # noqa: SIM115 (Journal.close closes it)
         except FileExistsError:
@@ -170,7 +169,7 @@ def _reserve(folder: Path, name: str) -> tuple[BinaryIO, Path]:
                 return file, path
             path.unlink()
         file.close()
-    raise AssertionError("itertools.count does not end")
+    raise AssertionError("the names do not end")
 
 
 def _lock(file: BinaryIO) -> bool:

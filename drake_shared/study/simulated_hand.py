@@ -19,7 +19,7 @@ class SimulatedHand:
     """Steers by what the server of a trial tells the page: scene, route and pose.
 
     It follows the instructed route by the steering law of the simulated operator, with the delay, skill and
-    speed of a behaviour and without its noise. It does not heed what the agent does.
+    speed of a behaviour and without its noise. It does not react to the agent.
 
     Args:
         scenario: Of the study; its robot is a differential drive.
@@ -27,7 +27,6 @@ class SimulatedHand:
     """
 
     def __init__(self, scenario: Scenario, behaviour: Behaviour) -> None:
-        self._scenario = scenario
         self._behaviour = behaviour
         self._law = SteeringLaw(scenario)
         self._paths = {route.name: scenario.path_of(route) for route in scenario.routes}
@@ -35,6 +34,8 @@ class SimulatedHand:
         self._speeds = (1.0, 1.0)
         self.driving = False
         """Whether a trial runs; it starts when the stick moves."""
+        self.longest = scenario.duration
+        """Longest time of a trial, in [s]."""
         self._begin()
 
     def _begin(self) -> None:

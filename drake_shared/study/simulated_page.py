@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-from playwright.async_api import Error, Page, async_playwright
+from playwright.async_api import Error, Page, ViewportSize, async_playwright
 
 from drake_shared.cockpit.chromium import CHROMIUM_ARGUMENTS, find_chromium
 from drake_shared.common.errors import InputError, RunError
@@ -23,7 +23,7 @@ from drake_shared.study.store import StudyData
 _PERIOD = 0.05
 _PATIENCE = 120.0
 """Longest time for a step beside that of a trial, in [s]."""
-_VIEW = {"width": 1280, "height": 800}
+_VIEW: ViewportSize = {"width": 1280, "height": 800}
 # A gamepad, whose axes a participant moves. The page learns from its first readings where they rest, and
 # counts deflections past 0.15.
 _GAMEPAD = """
@@ -61,11 +61,12 @@ async def simulate_on_page(
     behaviours = dict(
         zip(data.steps, simulated_behaviours(len(data.steps), seed=data.study.seed), strict=True)
     )
+    scenario = data.study.load_scenario()
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(executable_path=path, args=list(CHROMIUM_ARGUMENTS))
         for name in server.participants[:count]:
-            context = await browser.new_context(viewport=_VIEW)  # type: ignore[arg-type]
-            hand = SimulatedHand(data.study.load_scenario(), behaviours[name])
+            context = await browser.new_context(viewport=_VIEW)
+            hand = SimulatedHand(scenario, behaviours[name])
             participant = _Participant(data, name, await context.new_page(), hand, pictures)
             await participant.take_part(server.address_of(name))
             await context.close()
@@ -104,7 +105,7 @@ class _Participant:
     async def _complete(self, step: Step) -> None:
         page, longest = self._page, _PATIENCE
         if step.kind == "trial":
-            longest += self._data.study.load_scenario().duration
+            longest += self._hand.longest
             await page.wait_for_selector("#drive:enabled")
             await self._take_picture(step.name)
             await page.click("#drive")

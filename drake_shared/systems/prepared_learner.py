@@ -122,7 +122,7 @@ class PreparedLearner:
             first: Index of the grid.
         """
         if self.calibrated is None:
-            return confidence(variance, gain)  # type: ignore[no-any-return]
+            return float(confidence(variance, gain))
         ratio = np.array([gain * variance])
         return float(self.calibrated(ratio, path[None], first, np.array([first]))[0])
 

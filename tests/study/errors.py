@@ -9,6 +9,7 @@ then with the smallest effect of the first one added to its values. The power pl
 from __future__ import annotations
 
 import dataclasses
+import math
 import sys
 
 from scipy import stats
@@ -61,7 +62,7 @@ def reported(rows: list[dict], effect: float) -> set[str]:
     for item in MEASURES:
         shift = {"a": 0.0, "b": effect if item is EFFECT else 0.0}
         values = [row | {"value": row[item.name] + shift[row["condition"]]} for row in rows]
-        family.append((item, [row for row in values if row["value"] == row["value"]]))
+        family.append((item, [row for row in values if not math.isnan(row["value"])]))
     found = contrasts_of(family, list(STUDY.conditions), within=True)
     return {item.measure.name for item in found if item.verdict == "different"}
 
