@@ -85,20 +85,17 @@ def forwarding(ports: dict[int, int]):
     """A proxy that leads each port to another one, as nginx does for the machines behind it."""
 
     async def pipe(source, target) -> None:
-        with contextlib.suppress(OSError):
+        with contextlib.closing(target), contextlib.suppress(OSError):
             while data := await source.read(65_536):
                 target.write(data)
                 await target.drain()
-        target.close()
 
     async def serve(started) -> None:
         async def forward(inner: int, reader, writer) -> None:
-            try:
+            # Closed also where the block ends: a writer that outlives its loop warns, and a warning fails.
+            with contextlib.closing(writer), contextlib.suppress(OSError):
                 there = await asyncio.open_connection("127.0.0.1", inner)
-            except OSError:
-                writer.close()
-                return
-            await asyncio.gather(pipe(reader, there[1]), pipe(there[0], writer))
+                await asyncio.gather(pipe(reader, there[1]), pipe(there[0], writer))
 
         servers = [
             await asyncio.start_server(functools.partial(forward, inner), "127.0.0.1", outer)
