@@ -14,7 +14,8 @@ class Measure:
     """A figure.
 
     Attributes:
-        unit: Empty for a number without one; "share" for one from 0 to 1.
+        unit: Empty for a number without one; "share" for one from 0 to 1. Measures of commands have the unit
+            of wheels here; see `unit_for`.
         better: "higher", "lower", "near VALUE", or empty if neither is better.
         meaning: One sentence.
     """
@@ -27,6 +28,10 @@ class Measure:
     def direction(self) -> str:
         """Which way is better, as a phrase."""
         return f"{self.better} is better" if self.better else "describes, does not judge"
+
+    def unit_for(self, command_unit: str) -> str:
+        """The unit for a robot with commands in ``command_unit``, such as "m/s"."""
+        return {"rad/s": command_unit, "rad": command_unit.removesuffix("/s")}.get(self.unit, self.unit)
 
 
 OF_TRIALS: Mapping[str, Measure] = MappingProxyType(

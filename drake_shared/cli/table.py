@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from drake_shared.analysis.glossary import measure
 
 _WIDTH = 110
+_PLAIN = ("share", "-1 to 1")
 _ARROWS = {"higher": "higher is better", "lower": "lower is better"}
 
 
@@ -18,7 +19,7 @@ def figure_lines(rows: Iterable[tuple[str, str]], *, command_unit: str = "rad/s"
 
     Args:
         rows: Name of each figure, and its value as text.
-        command_unit: Of the robot's commands, which those of wheels stand for in the glossary.
+        command_unit: Of the robot's commands.
 
     Returns:
         For each figure the name, the value, the unit, which way is better, and, where the line is long
@@ -27,11 +28,10 @@ def figure_lines(rows: Iterable[tuple[str, str]], *, command_unit: str = "rad/s"
     listed = list(rows)
     names = max((len(name) for name, _ in listed), default=0)
     values = max((len(value) for _, value in listed), default=0)
-    units = {"share": "", "-1 to 1": "", "rad/s": command_unit, "rad": command_unit.removesuffix("/s")}
     lines = []
     for name, value in listed:
         found = measure(name)
-        unit = "" if found is None else units.get(found.unit, found.unit)
+        unit = "" if found is None or found.unit in _PLAIN else found.unit_for(command_unit)
         better = "" if found is None else _ARROWS.get(found.better, found.better)
         meaning = "" if found is None else found.meaning
         lines.append(f"  {name:{names}s}  {value:{values}s}  {unit:5s}  {better:16s}  {meaning}".rstrip())

@@ -48,6 +48,7 @@ def describe_scene(
         "duration": scenario.duration,
         "max_speed": operator.max_speed if driven else robot.max_speed,
         "max_yaw_rate": operator.max_yaw_rate if driven else 2.0,
+        "command_unit": robot.command_units[0],
         "learner": None if learner is None else learner.name,
         "learner_warning": None if learner is None else early_stop(learner.metadata),
         "driven": driven,

@@ -192,9 +192,13 @@ def _sections(data: StudyData, found: Analysis) -> list[Section]:
             tables=[checks, _means_table(data, found)],
             data={"trials": _columns(found.trials), "answers": _columns(found.answers)},
         ),
-        _contrast_section("Primary measures", found.primary, "They decide."),
+        _contrast_section(data, "Primary measures", found.primary, "They decide."),
         *(
-            [_contrast_section("Secondary measures", found.secondary, "Exploratory: a family of their own.")]
+            [
+                _contrast_section(
+                    data, "Secondary measures", found.secondary, "Exploratory: a family of their own."
+                )
+            ]
             if found.secondary
             else []
         ),
@@ -207,7 +211,7 @@ def _means_table(data: StudyData, found: Analysis) -> Table:
     rows = []
     for item in (*data.study.measures.primary, *data.study.measures.secondary):
         values = values_of(item.name, found.trials, found.answers, data.study)
-        row = [_label(item)]
+        row = [_label(item, data)]
         for name in data.study.conditions:
             own = pd.DataFrame([value for value in values if value["condition"] == name])
             means = own.groupby("participant")["value"].mean() if len(own) else pd.Series(dtype=float)
@@ -223,10 +227,10 @@ def _columns(rows: Sequence[Row]) -> list[Row]:
     return [{name: row.get(name) for name in names} for row in rows]
 
 
-def _contrast_section(title: str, contrasts: Sequence[Contrast], role: str) -> Section:
+def _contrast_section(data: StudyData, title: str, contrasts: Sequence[Contrast], role: str) -> Section:
     rows = [
         [
-            _label(item.measure),
+            _label(item.measure, data),
             f"{item.one} − {item.other}",
             item.verdict,
             f"{number(item.mean)} [{number(item.low)}, {number(item.high)}]",
@@ -272,7 +276,7 @@ def _order_section(data: StudyData, found: Analysis) -> Section:
             change = trend(fit(values, within=within, share=is_share(item.name)))
             if change is not None:
                 mean, low, high = (0.0 if abs(value) < 1e-12 else value for value in change)
-                rows.append([_label(item), f"{number(mean)} [{number(low)}, {number(high)}]"])
+                rows.append([_label(item, data), f"{number(mean)} [{number(low)}, {number(high)}]"])
     text = "Learning and fatigue: the linear change of each measure from one place in the order to the next."
     table = Table(
         caption="Effects of order, with 95% intervals.", head=["measure", "change a place"], rows=rows
@@ -280,6 +284,7 @@ def _order_section(data: StudyData, found: Analysis) -> Section:
     return Section(title="Effects of order", text=[text], tables=[table] if rows else [])
 
 
-def _label(item: DeclaredMeasure) -> str:
+def _label(item: DeclaredMeasure, data: StudyData) -> str:
     described = describe(item.name)
-    return f"{item.name}, {described.unit}" if described is not None and described.unit else item.name
+    unit = described.unit_for(data.study.load_scenario().robot.command_units[0]) if described else ""
+    return f"{item.name}, {unit}" if unit else item.name

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -133,6 +134,10 @@ def test_mouse_and_wheel_bring_the_tip_to_the_cup(driver, page, cockpit, until):
     trial = cockpit.next_trial()
     assert_at_the_cup(trial)
     assert not trial["plane_switches"].any()
+    effort = page.locator("#metrics > div", has_text="Effort").locator("dd.value")
+    effort.wait_for(state="attached")
+    # The integral of a speed is a length, where that of the wheels' speeds is an angle.
+    assert re.fullmatch(r"\d\.\d\d m", effort.text_content())
 
 
 def test_two_axes_and_a_click_bring_the_tip_to_the_cup(driver, page, cockpit, until):

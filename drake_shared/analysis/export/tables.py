@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -67,6 +66,5 @@ def _readme(logs: Sequence[tuple[str, Trial]]) -> str:
     ]
     lines += [f"| `{key}` | | as in the log's metadata |" for key in ("log", "scenario", *_KEYS)]
     for name, measure in OF_TRIALS.items():
-        described = dataclasses.asdict(measure)
-        lines.append(f"| `{name}` | {described['unit']} | {described['meaning']} |")
+        lines.append(f"| `{name}` | {measure.unit_for(robot.command_units[0])} | {measure.meaning} |")
     return "\n".join(lines) + "\n"

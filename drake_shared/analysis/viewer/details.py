@@ -97,7 +97,8 @@ def _figures(trial: Trial) -> list[dict[str, Any]]:
     found = []
     for name, value in measured.items():
         known = OF_TRIALS[name]
-        found.append(_figure(name, value, known.unit, known.better, known.meaning))
+        unit = known.unit_for(trial.robot.command_units[0])
+        found.append(_figure(name, value, unit, known.better, known.meaning))
     return found
 
 

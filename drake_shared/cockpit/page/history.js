@@ -69,7 +69,8 @@ export class History {
     box.addEventListener("change", () => this.#choose(drive.number, box.checked));
     const discard = html("button", { class: "quiet", type: "button", "aria-label": `Delete drive ${drive.number}` }, "Delete");
     discard.addEventListener("click", () => this.#send({ type: "discard", number: drive.number }));
-    const measures = MEASURES.filter(([name]) => COLUMNS.includes(name)).map((measure) => measureOf(drive, measure));
+    const unit = this.#scene.command_unit;
+    const measures = MEASURES.filter(([name]) => COLUMNS.includes(name)).map((measure) => measureOf(drive, measure, unit));
     const cells = [box, String(drive.number), outcomeOf(drive), assistanceOf(drive), ...measures, discard];
     return html("tr", {}, ...cells.map((cell) => html("td", {}, cell)));
   }

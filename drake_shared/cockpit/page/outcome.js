@@ -2,7 +2,7 @@
 
 import { OUTCOMES } from "./outcomes.js";
 
-// Name, field of the result, digits, unit, meaning, and which way is better (where one is).
+// Name, field of the result, digits, unit with wheels, meaning, and which way is better (where one is).
 export const MEASURES = [
   ["Time", "time", 1, "s", "first move to the end", "less is better"],
   ["Human's share", "mean_human_weight", 0, "%", "set by the arbiter", "neither way is better"],
@@ -25,8 +25,9 @@ export function assistanceOf(result) {
 }
 
 // A measure as text, such as "0.42 m"; a dash where it is unknown.
-export function measureOf(result, [, field, digits, unit]) {
+export function measureOf(result, [, field, digits, unit], commandUnit) {
   const value = result[field] ?? null;
   if (value === null) return "–";
+  if (unit.startsWith("rad") && commandUnit === "m/s") return `${value.toFixed(2)} ${unit.replace("rad", "m")}`;
   return `${(value * (unit === "%" ? 100 : 1)).toFixed(digits)} ${unit}`.trim();
 }

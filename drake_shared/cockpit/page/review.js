@@ -20,7 +20,7 @@ export function showResult(result, scene, { onDiscard }) {
   at("metrics").replaceChildren(
     ...MEASURES.map((measure) => {
       const [name, , , , meaning, better] = measure;
-      const value = html("dd", { class: "value" }, measureOf(result, measure));
+      const value = html("dd", { class: "value" }, measureOf(result, measure, scene.command_unit));
       const note = html("dd", { class: "meaning" }, `${meaning}; ${better}`);
       return html("div", {}, html("dt", {}, name), value, note);
     }),
