@@ -37,6 +37,9 @@ _COARSE, _FINE = 0.1, 0.01
 _YIELDING = np.linspace(0.0, 0.96, 25)
 _SPEED_STEP = 0.1
 _SPEED_FACTORS = np.arange(0.5, 2.01, _SPEED_STEP)
+# Least standard deviation of the commands, and least correction of an error, in [rad/s], that tell anything:
+# those of a straight line are zero but for rounding.
+_LEAST_VARIATION = 1e-6
 # Yielding is undefined if the human weight never falls below 1 by more than this.
 _LEAST_ASSISTANCE = 0.02
 _LEAST_MOTION = 0.08
@@ -54,7 +57,10 @@ _SPEEDS_NEAR = np.linspace(-0.03, 0.03, 25)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A fitted value with its 95% jackknife interval over trials; the interval is None for a single trial."""
+    """A fitted value with its 95% jackknife interval over trials.
+
+    The interval is None for a single trial, and where the value is not known without one of the trials.
+    """
 
     value: float
     low: float | None = None
@@ -97,7 +103,8 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
         names: Of the trials, for errors.
 
     Raises:
-        InputError: The trials do not meet these conditions, or hold too little motion.
+        InputError: The trials do not meet these conditions, hold too little motion, or do not determine a
+            parameter: commands that do not vary, or no error to correct.
     """
     if not trials:
         raise InputError("fit", "trials", "must be at least one")
@@ -114,6 +121,7 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
         ]
 
     drives = likelihoods(lambda route: route.path(scenario.start, spacing=_SPACING))
+    _check_variation(drives, names)
     assisted = min(drive.least_weight for drive in drives) < 1.0 - _LEAST_ASSISTANCE
     yielding = _YIELDING if assisted else _YIELDING[:1]
 
@@ -152,12 +160,10 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
 
     period = scenario.control_period
     fitted = best.behaviour(period)
-    # Jackknife: fits without each trial in turn.
-    others = [
-        maximize_likelihood(sums.sum(axis=0) - one, delays, yielding).behaviour(period)
-        for one in sums
-        if len(trials) > 1
-    ]
+    others = [item.behaviour(period) for item in _without_each(sums, delays, yielding)]
+    for name, value in fitted.items():
+        if not math.isfinite(value):
+            raise InputError(_all(names), name, "cannot be told from these drives; add drives with turns")
     estimates = {name: _jackknife(fitted[name], [item[name] for item in others]) for name in FITTED}
     if assisted:
         # An operator who yields more and means to go faster gives nearly the same commands.
@@ -189,8 +195,15 @@ def _jackknife_yielding(
     """Yielding, with an interval in which the speed factor varies too."""
     speeds, delay = speed_factor + _SPEEDS_NEAR, np.array([best.delay])
     sums = np.array([[drive.sums(delay, yielding, float(speed))[0] for speed in speeds] for drive in drives])
-    others = [maximize_likelihood(sums.sum(axis=0) - one, speeds, yielding).yielding for one in sums]
-    return _jackknife(best.yielding, others if len(drives) > 1 else [])
+    return _jackknife(best.yielding, [item.yielding for item in _without_each(sums, speeds, yielding)])
+
+
+def _without_each(sums: Floats, grid: Floats, yielding: Floats) -> list[Optimum]:
+    """Fits without each trial in turn, for the jackknife; none if one of the trials is needed."""
+    if len(sums) == 1:
+        return []
+    found = [maximize_likelihood(sums.sum(axis=0) - one, grid, yielding) for one in sums]
+    return found if all(math.isfinite(item.skill) for item in found) else []
 
 
 def _jackknife(value: float, others: Sequence[float]) -> Estimate:
@@ -242,6 +255,25 @@ def _check_motion(trials: Sequence[tuple[Trial, str]], scenario: Scenario) -> No
         least = _LEAST_MOTION * scenario.path_of(scenario.route(trial.metadata["route"])).length
         if np.linalg.norm(np.diff(trial.positions, axis=0), axis=1).sum() < least:
             raise InputError(name, "", f"must hold motion of at least {least:.2g} m")
+
+
+def _check_variation(drives: Sequence[DriveLikelihood], names: Sequence[str]) -> None:
+    commands = np.concatenate([drive.commands[drive.informative] for drive in drives])
+    if commands.std(axis=0).max() < _LEAST_VARIATION:
+        expected = (
+            "must hold human commands that vary: constant ones tell neither skill nor delay; add drives"
+        )
+        raise InputError(_all(names), "", f"{expected} with turns")
+    if max(drive.largest_correction for drive in drives) < _LEAST_VARIATION:
+        expected = (
+            "cannot be told from these drives: the robot never left its straight route, so that there was"
+        )
+        raise InputError(_all(names), "skill", f"{expected} no error to correct; add drives with turns")
+
+
+def _all(names: Sequence[str]) -> str:
+    """What names all trials in an error."""
+    return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
 
 
 def settings_of(trials: Sequence[Trial]) -> dict[str, Any]:

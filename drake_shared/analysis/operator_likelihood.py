@@ -71,6 +71,7 @@ class DriveLikelihood:
         commands: Shape (n, 2), in [rad/s]; row k is the reaction to pose k.
         informative: Whether row k counts, with a command and wheels below their limit: shape (n,).
         least_weight: Minimum of the human weight.
+        largest_correction: Of the wheels' speeds, for the errors seen at the shortest delay, in [rad/s].
 
     Raises:
         InputError: The rows are not one period apart, or fewer than ten steps in a row are informative.
@@ -101,6 +102,7 @@ class DriveLikelihood:
         self.select_informative(0.0)
         if self._pairs.sum() < 10:
             raise InputError(name, "", "must hold human commands in at least ten steps in a row")
+        self.largest_correction = float(np.abs(self._law_commands(0.0, 1.0)[1][self.informative]).max())
 
     def select_informative(self, yielding: float) -> None:
         """Selects the informative rows for an operator with this yielding."""
@@ -183,20 +185,24 @@ def maximize_likelihood(sums: Floats, delays: Floats, yielding: Floats) -> Optim
         sums: As `DriveLikelihood.sums` returns them, added over trials.
         delays: Of the grid, in [s].
         yielding: Of the grid.
+
+    Returns:
+        The parameters; NaN where the sums do not determine them.
     """
     uu, uf, ff, uu_before, uf_before, ff_before, uu_both, uf_both, ff_both, jacobian, count = np.moveaxis(
         sums, -1, 0
     )
     correlation = np.full(uu.shape, 0.5)
     # Alternating maximisation: each parameter has a closed form given the other.
-    for _ in range(12):
-        skill = (uf - correlation * uf_both + correlation**2 * uf_before) / (
-            ff - 2.0 * correlation * ff_both + correlation**2 * ff_before
-        )
-        now = uu - 2.0 * skill * uf + skill**2 * ff
-        before = uu_before - 2.0 * skill * uf_before + skill**2 * ff_before
-        both = uu_both - skill * uf_both + skill**2 * ff_both
-        correlation = np.clip(both / before, *_CORRELATIONS)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for _ in range(12):
+            skill = (uf - correlation * uf_both + correlation**2 * uf_before) / (
+                ff - 2.0 * correlation * ff_both + correlation**2 * ff_before
+            )
+            now = uu - 2.0 * skill * uf + skill**2 * ff
+            before = uu_before - 2.0 * skill * uf_before + skill**2 * ff_before
+            both = uu_both - skill * uf_both + skill**2 * ff_both
+            correlation = np.clip(both / before, *_CORRELATIONS)
     squares = np.maximum(now - 2.0 * correlation * both + correlation**2 * before, 1e-12)
     cost = count * np.log(squares / count) + 2.0 * jacobian
     row, column = np.unravel_index(cost.argmin(), cost.shape)

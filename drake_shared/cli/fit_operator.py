@@ -43,11 +43,11 @@ class FitOperator(Command):
             found = read_logs(log)
             trials += found.values()
             names += [str(log)] if len(found) == 1 else [f"{log}#{number}" for number in found]
+        fit = fit_operator(trials, names=names)
         if self.person is not None:
             path = person_path(self.person)
             write_person(person_of(trials, names), path)
             say(f"wrote {path}")
-        fit = fit_operator(trials, names=names)
         settings = settings_of(trials) if fit.simulated else {}
         if self.json:
             told = {"operator": _who(fit), **dataclasses.asdict(fit), "set": settings or None}

@@ -154,3 +154,45 @@ def test_trials_without_motion_or_commands_or_rows_are_refused(simulation, plain
     assert caught.value.field == "row 10"
     with pytest.raises(InputError, match="trials"):
         fit_operator([])
+
+
+def straight(trial: Trial) -> Trial:
+    """``trial`` with 2 s at constant speed straight ahead, along a route that is as straight."""
+    scenario = load_scenario("two_obstacles")
+    t, zeros, speed = trial["t"][:41], np.zeros(41), 0.3
+    columns = {name: column[:41] for name, column in trial.columns.items()}
+    columns |= {"x": speed * t, "y": zeros, "yaw": zeros}
+    wheel = np.full(41, speed / scenario.robot.wheel_radius)
+    columns |= {"human_left": wheel, "human_right": wheel}
+    world = trial.metadata["scenario"]
+    (left,) = (route for route in world["routes"] if route["name"] == "left_left")
+    ahead = {**left, "name": "ahead", "waypoints": [[0.0, 0.0], [2.0, 0.0], [5.0, 0.0]]}
+    aside = [{**item, "y": -0.8} for item in world["obstacles"]]
+    world = {**world, "routes": [left, ahead], "obstacles": aside}
+    return changed(dataclasses.replace(trial, columns=columns), route="ahead", scenario=world)
+
+
+def faster(trial: Trial) -> Trial:
+    """``trial`` with a push of both wheels."""
+    pushed = {
+        f"human_{side}": trial[f"human_{side}"] * (1.0 + (trial["t"] > 1.0)) for side in ("left", "right")
+    }
+    return dataclasses.replace(trial, columns={**trial.columns, **pushed})
+
+
+def test_what_straight_drives_do_not_tell_is_refused_by_its_name(plain):
+    ahead = straight(plain[0])
+    with pytest.raises(InputError) as caught:
+        fit_operator([ahead], names=["ahead.parquet"])
+    assert caught.value.source == "ahead.parquet"
+    with pytest.raises(InputError) as caught:
+        fit_operator([faster(ahead), ahead], names=["faster.parquet", "ahead.parquet"])
+    assert caught.value.field == "skill"
+
+
+def test_a_value_that_rests_on_one_trial_has_no_interval(plain):
+    ahead = faster(straight(plain[0]))
+    turning = changed(plain[2], scenario=ahead.metadata["scenario"])
+    skill = fit_operator([ahead, turning]).skill
+    assert np.isfinite(skill.value)
+    assert (skill.low, skill.high) == (None, None)

@@ -8,6 +8,7 @@ import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from drake_shared.cli.main import main
@@ -416,6 +417,17 @@ def test_fit_operator_says_whose_model_it_is_and_how_well_it_fits(cli, log, huma
     assert "a fit of a model to these drives" in out
 
 
+def test_fit_operator_keeps_no_person_of_drives_that_it_cannot_fit(cli, human_trial, tmp_path):
+    wheel = np.full(len(human_trial["t"]), 3.0)
+    columns = {**human_trial.columns, "human_left": wheel, "human_right": wheel}
+    write_log(dataclasses.replace(human_trial, columns=columns), tmp_path / "constant.parquet")
+    file = tmp_path / "anna.json"
+    status, out, err = cli("fit-operator", tmp_path / "constant.parquet", "--json", "--person", file)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "constant.parquet" in err
+    assert not file.exists()
+
+
 def test_simulate_plays_a_log_back(cli, log, human_trial, tmp_path):
     status, out, _ = cli(*ALONE, "--operator", log, "--out", tmp_path, "--json")
     assert status == 0
@@ -488,6 +500,22 @@ def test_a_training_that_stops_early_is_reported_by_train_and_evaluate(cli, taug
     assert not found["reached"]
     assert json.loads(cli(*evaluate, "--preset", "paper")[1])["loss_threshold"]["reached"]
     assert json.loads(cli(*evaluate)[1])["loss_threshold"] is None
+
+
+def test_evaluate_writes_a_learner_whose_confidence_is_a_probability(cli, taught, tmp_path):
+    evaluate = ("evaluate", "--model", taught / "learner", "--demos", taught / "demos.parquet", "--json")
+    file = tmp_path / "calibrated"
+    assert cli(*evaluate, "--trials", 1, "--calibrate", file)[0] == 0
+    calibration = load_learner(file).metadata["confidence_calibration"]
+    assert load_learner(taught / "learner").metadata.get("confidence_calibration") is None
+    status, out, _ = cli("simulate", "--model", file, "--json", "--out", tmp_path / "logs")
+    assert status == 0
+    confidence = read_log(json.loads(out)["trials"][0]["log"])["confidence"]
+    assert confidence.max() <= max(calibration["probability"])
+    for where, trials in ((tmp_path, 1), (file / "inside", 1), (tmp_path / "other", 0)):
+        status, out, err = cli(*evaluate, "--trials", trials, "--calibrate", where)
+        assert (status, out, err.count("\n")) == (2, "", 1)
+    assert not (tmp_path / "other").exists()
 
 
 def test_simulate_shares_the_control_with_it(cli, taught, tmp_path):
