@@ -33,6 +33,7 @@ MODULES = {
     "mispredictions": "mispredictions",
     "faults_injected": "faults_injected",
     "where_help_hurts": "where_help_hurts",
+    "manipulator": "manipulator",
     "operators_drawn": "operators",
 }
 """Names of the experiments and their modules in this package, in the order of the report."""
