@@ -38,7 +38,7 @@ class SharedControlConfig:
     """Who drives: shared control, the human alone, or the agent alone."""
     arbitration: str = _BLEND
     """Arbiter of shared control: blend (by confidence), halves, traded, leader-follower, fusion (by the
-    posterior of the driver's route), hindsight, rt-v2, or a registered one, with options as in
+    posterior of the driver's route), hindsight, rt-v2, consistency, or a registered one, with options as in
     traded:threshold=0.6,margin=0.1. human and agent are short for that driver."""
     arbitration_options: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
     """Options of the arbiter, by name."""

@@ -30,6 +30,7 @@ from drake_shared.robots import DiffDrive, Robot
 from drake_shared.scenario import Scenario
 from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.confidence_blender import ConfidenceBlender
+from drake_shared.systems.consistency_shared_autonomy import ConsistencySharedAutonomy
 from drake_shared.systems.constant_weight_blender import ConstantWeightBlender
 from drake_shared.systems.hindsight_optimization import HindsightOptimization
 from drake_shared.systems.leader_follower import LeaderFollower
@@ -48,6 +49,7 @@ _BUILT_IN: dict[str, Callable[..., LeafSystem]] = {
     "fusion": PosteriorFusion,
     "hindsight": HindsightOptimization,
     "rt-v2": RobotTrajectron,
+    "consistency": ConsistencySharedAutonomy,
 }
 
 

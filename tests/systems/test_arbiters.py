@@ -87,7 +87,8 @@ def test_the_arbiters_of_the_package_are_registered():
 
 def test_an_unknown_name_is_refused_and_the_known_are_told(scenario):
     with pytest.raises(
-        InputError, match=r"agent, blend, fusion, halves, hindsight, human, leader-follower, rt-v2, traded"
+        InputError,
+        match=r"agent, blend, consistency, fusion, halves, hindsight, human, leader-follower, rt-v2, traded",
     ):
         make_arbiter("coin")
 

@@ -11,6 +11,7 @@ const ARBITERS = {
   fusion: "fusion with each route (fusion)",
   hindsight: "least expected cost over the routes (hindsight)",
   "rt-v2": "modes corrected by your command (rt-v2)",
+  consistency: "your command denoised toward the demonstrations (consistency)",
 };
 const FREE = "";
 const RESISTANCES = [[0, "no"], [0.25, "light"], [0.5, "medium"], [0.75, "strong"], [1, "full"]];

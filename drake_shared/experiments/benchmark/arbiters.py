@@ -14,7 +14,7 @@ from drake_shared.systems.arbiters import DEFAULT, make_arbiter
 from drake_shared.systems.intention import Intention
 from drake_shared.systems.rule_arbiter import RuleArbiter
 
-NAMES = (DEFAULT, "halves", "traded", "leader-follower", "fusion", "hindsight", "rt-v2")
+NAMES = (DEFAULT, "halves", "traded", "leader-follower", "fusion", "hindsight", "rt-v2", "consistency")
 
 _METHOD = (
     "CPU time on one thread, contenders in turns, of one step of an arbiter in Drake: a new command of the "

@@ -1,0 +1,1 @@
+"""A consistency model of demonstrated actions, which one step denoises; it is no `Learner`."""
