@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.common.errors import InputError
-from drake_shared.scenario import scenario_from_dict
+from drake_shared.scenario import Scenario, scenario_from_dict
 from drake_shared.simulation.log import Trial
 
 # Width that holds 96% of normally distributed end points, in standard deviations.
@@ -50,11 +50,13 @@ def throughput(trials: Iterable[Trial], *, dwell: float = 0.5) -> Throughput:
     moves: dict[str, list[tuple[float, float]]] = {}
     count = 0
     for trial in trials:
+        if not count:  # Takes as long as half a trial.
+            scenario = scenario_from_dict(trial.metadata["scenario"])
         count += 1
         route = trial.metadata.get("route")
         if route is None:
             raise InputError(f"trial {count}", "route", "must be given: it leads to the target")
-        found = _movement(trial, route, dwell)
+        found = _movement(trial, scenario, route, dwell)
         moves.setdefault(route, [])
         if found is not None:
             moves[route].append(found)
@@ -76,9 +78,8 @@ def _of_target(moves: NDArray[np.float64]) -> float:
     return throughput
 
 
-def _movement(trial: Trial, route: str, dwell: float) -> tuple[float, float] | None:
+def _movement(trial: Trial, scenario: Scenario, route: str, dwell: float) -> tuple[float, float] | None:
     """Distance moved along the line to the target, in [m], and the time, in [s]; None without selection."""
-    scenario = scenario_from_dict(trial.metadata["scenario"])
     goal = scenario.goal_of(scenario.route(route))
     target = np.array(goal.position(trial.robot.position_names))
     positions, time = trial.positions, trial["t"]
