@@ -53,7 +53,9 @@ _TRIALS, _MORE = 3, 4
 # A throughput needs two selections of each target.
 _TARGET_LEARNERS, _TARGET_TRIALS, _FEWEST = 6, 18, 12
 # Of a trial on one core, in [s].
-_CUPS_COST, _PLANTS_COST, _TARGET_COST = 0.13, 0.4, 0.17
+_CUPS_COST, _PLANTS_COST, _TARGET_COST = 0.13, 0.4, 0.13
+# Of the network of the arbiter "consistency".
+_NETWORK_COST = 4.2
 
 
 def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
@@ -68,7 +70,9 @@ def plan(scenario: str | None, size: Size) -> list[PlannedTask]:
     operators = (STEADY, UNSTEADY) if full else (STEADY,)
     targets = _TARGET_TRIALS if full else _FEWEST
     training = training_cost(PRESET, 1)
-    cups_cost = training + _CUPS_COST * sum(case.trials for case in cases) + _PLANTS_COST * trials
+    cups_cost = (
+        training + _NETWORK_COST + _CUPS_COST * sum(case.trials for case in cases) + _PLANTS_COST * trials
+    )
     targets_cost = training + _TARGET_COST * 2 * len(operators) * targets
     return [
         *(

@@ -61,14 +61,15 @@ CONTROLS: Mapping[str, SharedControlConfig] = {
     "constant weight 0.5": SharedControlConfig(arbitration="halves"),
     "traded control": SharedControlConfig(arbitration="traded"),
     "leader and follower": SharedControlConfig(arbitration="leader-follower"),
+    "consistency": SharedControlConfig(arbitration="consistency"),
     "blend (paper)": SharedControlConfig(authority=Authority(enabled=False)),
     "conflict angle 0.5 rad": _with_conflict_angle(0.5),
     "conflict angle 0.8 rad": _with_conflict_angle(0.8),
     SHARED: SharedControlConfig(),
     "conflict angle 1.6 rad": _with_conflict_angle(1.6),
 }
-"""With all arbiters of this package that an arm can have. Shared control is the blend with the authority of
-an arm, whose conflict angle is 1.2 rad."""
+"""With the arbiters that an arm can have. Shared control is the blend with the authority of an arm, whose
+conflict angle is 1.2 rad."""
 
 
 @dataclasses.dataclass(frozen=True)
