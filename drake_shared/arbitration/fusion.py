@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.arbitration.command_filter import CommandFilters
+from drake_shared.arbitration.driver_change import DriverChange
 from drake_shared.arbitration.fusion_model import FusionModel
 from drake_shared.arbitration.route_guide import RouteGuide
 from drake_shared.arbitration.routes import Routes
@@ -60,7 +61,13 @@ class Fusion:
         self._noises, self._times = noises, times
         # Nothing is impossible: a person may drive as never before.
         weights = np.array(model.noise_prior or np.ones(len(noises))) + 1e-9
-        self._noise_prior = (weights / weights.sum())[:, None]
+        self._noise_prior = weights / weights.sum()
+        self._driver_change = DriverChange(
+            self._noise_prior,
+            period=period,
+            memory=model.noise_memory,
+            false_notices=model.false_notices,
+        )
         # Turn and speed are made of two wheels, whose noises are independent.
         meant = [(model.meant_planned if item else model.meant, model.meant_rate) for item in planned]
         self._filters = CommandFilters(
@@ -83,7 +90,7 @@ class Fusion:
 
     def initial_state(self, count: int) -> State:
         """Before the first step of ``count`` drivers; the last axis of each array is theirs."""
-        probability = self._prior[:, None] * self._noise_prior[:, 0]
+        probability = self._prior[:, None] * self._noise_prior
         return {
             "progress": self._guide.initial_progress(count),
             "probability": np.repeat(probability[..., None], count, axis=2),
@@ -91,6 +98,9 @@ class Fusion:
             "expected": np.full((self._memory, self._count + 2, count), math.nan),
             "place": np.full((2, count), math.nan),
             "held": np.zeros(count),
+            "driver_noise": np.full(count, self._noises @ self._noise_prior),
+            "another_driver": np.zeros(count),
+            "doubt": np.zeros(count),
         }
 
     def step(self, state: State, inputs: ArbiterInputs) -> tuple[Floats, Floats, State]:
@@ -116,7 +126,7 @@ class Fusion:
         is_free = ~self._guide.is_blocked(pose, target[1])
         blocked[:-1, 0] = ~is_free
         evidence = log[-1] - self._blocked * blocked
-        before = self._drifted(state["probability"])
+        before = self._drifted(state["probability"], state["another_driver"])
         # Drivers keep their destination, or take one, known or not, from here on.
         kept = (1.0 - self._changes) * before
         taken = self._changes * self._change * before.sum(axis=0)
@@ -140,6 +150,14 @@ class Fusion:
         way_out = (free * agent).sum(axis=0) / np.maximum(free.sum(axis=0), 1e-9)
         turn = turn + held * (way_out - turn)
         command = np.where(gives, np.stack([speed - turn, speed + turn]), 0.0)
+        noise = probability.sum(axis=0)
+        doubt, another, factor = self._driver_change.step(
+            state["doubt"], state["another_driver"], noise, gives
+        )
+        if (another != state["another_driver"]).any():
+            # What follows from the commands so far with the prior of who drives now.
+            probability = probability * factor
+            probability = probability / probability.sum(axis=(0, 1))
         after = {
             "progress": progress,
             "probability": probability,
@@ -147,6 +165,9 @@ class Fusion:
             "expected": expected,
             "place": pose[:2].copy(),
             "held": held,
+            "driver_noise": (self._noises[:, None] * noise).sum(axis=0),
+            "another_driver": another,
+            "doubt": doubt,
         }
         weight = np.minimum(share.sum(axis=0), 1.0)
         return np.where(gives, weight, 1.0), command, after
@@ -167,13 +188,6 @@ class Fusion:
         """Probability (G, n) of each pair of noise and time constant."""
         return np.asarray(state["probability"].sum(axis=0))
 
-    def departure(self, state: State) -> Floats:
-        """How far (n,), from 0 to 1, the noise is from the prior of the person: near 1, somebody else drives.
-
-        It is the total variation distance of both distributions.
-        """
-        return np.asarray(0.5 * np.abs(self.noise_probability(state) - self._noise_prior).sum(axis=0))
-
     def _held(self, state: State, inputs: ArbiterInputs) -> Floats:
         """How long, from 0 to 1, an obstacle has kept a robot from driving on."""
         moved = np.hypot(*(inputs.pose[:2] - state["place"]))
@@ -182,9 +196,9 @@ class Fusion:
         rate = self._period / self._model.held_time
         return np.asarray(np.minimum(np.maximum(state["held"] + np.where(is_held, rate, -rate), 0.0), 1.0))
 
-    def _drifted(self, probability: Floats) -> Floats:
+    def _drifted(self, probability: Floats, another: Floats) -> Floats:
         """The probability (H, G, n) one step later: noise and its time constant may have changed."""
-        anew = probability.sum(axis=1, keepdims=True) * self._noise_prior
+        anew = probability.sum(axis=1, keepdims=True) * self._driver_change.prior(another)
         return np.asarray((1.0 - self._drifts) * probability + self._drifts * anew)
 
 

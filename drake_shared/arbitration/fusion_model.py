@@ -65,6 +65,10 @@ class FusionModel:
     """Time constants of the noise that are considered, in s."""
     noise_prior: tuple[float, ...] = ()
     """Prior weight of each pair of both, noise by noise, such as those of one person; empty: all alike."""
+    noise_memory: float = 0.5
+    """Time after which the noise found counts as another observation of who drives, in s."""
+    false_notices: float = 1800.0
+    """Least mean time between false notices that another driver than that person has taken over, in s."""
 
     def __post_init__(self) -> None:
         pairs, weights = len(self.noises) * len(self.noise_times), self.noise_prior
@@ -78,6 +82,8 @@ class FusionModel:
             value = getattr(self, field.name)
             values = value if isinstance(value, tuple) else (value,)
             most = 1.0 if field.name in _SHARES else math.inf
+            if field.name == "false_notices" and value <= self.noise_memory:
+                raise InputError("fusion", field.name, "must be longer than noise_memory", value)
             if not values or not all(0.0 < item < most for item in values):
                 expected = "must be from 0 to 1" if field.name in _SHARES else "must be positive and finite"
                 raise InputError("fusion", field.name, expected, value)

@@ -46,7 +46,10 @@ class FitOperator(Command):
         fit = fit_operator(trials, names=names)
         if self.person is not None:
             path = person_path(self.person)
-            write_person(person_of(trials, names), path)
+            person, others = person_of(trials, names)
+            for name, begin in others.items():
+                say(f"{name} is left out of {path}: another driver from {begin:.1f} s on")
+            write_person(person, path)
             say(f"wrote {path}")
         settings = settings_of(trials) if fit.simulated else {}
         if self.json:

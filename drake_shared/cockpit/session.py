@@ -326,6 +326,9 @@ class Session:
         text = f"Trial {self._number}: {status} after {trial['t'][-1]:.2f} s"
         text += f" ({failure})" if failure else ""
         text += f"; not saved: {error}" if error else f", saved as {saved}" if saved else ""
+        if "another_driver" in trial.columns and trial["another_driver"].any():
+            begin = trial["t"][trial["another_driver"].argmax()]
+            text += f"; another driver than that of --person was noticed at {begin:.1f} s"
         self._report(text)
         self.server.publish("trail", self._scene_state.whole_trail())
         self._result = describe_result(trial, saved, error) | {"number": self._number}

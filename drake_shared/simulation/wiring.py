@@ -39,6 +39,7 @@ from drake_shared.systems.plant import plant_ports
 from drake_shared.systems.ports import check_ports
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.robot_position import RobotPosition
+from drake_shared.systems.rule_arbiter import RuleArbiter
 from drake_shared.systems.safety_filter import SafetyFilter
 from drake_shared.systems.surrogate_operator import SurrogateOperator
 from drake_shared.systems.tip_operator import TipOperator
@@ -168,6 +169,9 @@ class Wiring:
         for name, extra in operator_log_columns(operator).items():
             logged.append(operator.GetOutputPort(name))
             columns += tuple(extra)
+        for name in arbiter.logged if isinstance(arbiter, RuleArbiter) else ():
+            logged.append(arbiter.GetOutputPort(name))
+            columns += (name,)
         if safety_filter is not None:
             logged.append(applied)
             columns += tuple(f"safe_{name}" for name in robot.command_names)

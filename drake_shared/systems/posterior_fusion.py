@@ -33,10 +33,17 @@ class PosteriorFusion(RouteArbiter):
         output_ports:
         - shared_command
         - human_weight
+        - driver_noise
+        - another_driver
 
     Inputs, outputs and parameters are those of :class:`~drake_shared.systems.arbiter.Arbiter`. The routes are
     those of the learner's demonstrations, and one for each further way of passing the known obstacles; see
     `drake_shared.arbitration.fusion`. The agent's own command and confidence play no part.
+
+    Further outputs, which are columns of the log:
+        driver_noise (1): Mean of the noise on each wheel's command, in [rad/s]; see :meth:`GetNoise`.
+        another_driver (1): 1 while somebody else than the person of ``noise_prior`` is found to drive, by
+            `drake_shared.arbitration.driver_change`, and the estimate starts from the prior of anybody.
 
     State:
         The joint probability of route, noise and its time constant, and what the next update compares with.
@@ -68,6 +75,7 @@ class PosteriorFusion(RouteArbiter):
             period=period,
             driver=driver,
             optional_inputs=("pose", "clearance"),
+            logged=("driver_noise", "another_driver"),
         )
         self._model = model or FusionModel()
         if noise_prior:
@@ -94,11 +102,6 @@ class PosteriorFusion(RouteArbiter):
     def GetNoiseTime(self, context: Context) -> NDArray[np.float64]:
         """Mean and standard deviation (2,), in [s], of the time constant of that noise."""
         return self._fusion(context).noise_time(self.state_after(context))[:, 0]
-
-    def GetDeparture(self, context: Context) -> float:
-        """How far, from 0 to 1, the noise is from the prior of the person: near 1, somebody else drives."""
-        departure: float = self._fusion(context).departure(self.state_after(context)).item()
-        return departure
 
     def _fusion(self, context: Context) -> Fusion:
         fusion = self.rule(context)

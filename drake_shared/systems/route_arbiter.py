@@ -28,7 +28,7 @@ class RouteArbiter(RuleArbiter):
     Args:
         scenario: Start, goals and static obstacles.
         robot, period, driver: See :class:`~drake_shared.systems.arbiter.Arbiter`.
-        optional_inputs: See :class:`~drake_shared.systems.rule_arbiter.RuleArbiter`.
+        optional_inputs, logged: See :class:`~drake_shared.systems.rule_arbiter.RuleArbiter`.
 
     Raises:
         InputError: The robot is not a differential drive.
@@ -44,8 +44,11 @@ class RouteArbiter(RuleArbiter):
         period: float = 0.05,
         driver: str = "shared",
         optional_inputs: Sequence[str] = (),
+        logged: Sequence[str] = (),
     ) -> None:
-        super().__init__(robot=robot, period=period, driver=driver, optional_inputs=optional_inputs)
+        super().__init__(
+            robot=robot, period=period, driver=driver, optional_inputs=optional_inputs, logged=logged
+        )
         if not isinstance(self.robot, DiffDrive):
             raise InputError(type(self).__name__, "robot", "must be a differential drive")
         self.scenario, self.drive = scenario, self.robot

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import Value
-from pydrake.systems.framework import Context, DiscreteValues, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, ValueProducer
 
 from drake_shared.arbitration.blend import finite_command
 from drake_shared.arbitration.rule import ArbiterInputs, ArbitrationRule, State
@@ -47,6 +48,8 @@ class RuleArbiter(Arbiter):
     Args:
         robot, period, driver: See :class:`~drake_shared.systems.arbiter.Arbiter`.
         optional_inputs: Of ``pose`` and ``clearance``, those that the rule uses.
+        logged: Names of entries (n,) of the rule's state. Each is an output port, after this step's command,
+            and a column of the log.
     """
 
     state_size: ClassVar[int | None] = None
@@ -59,9 +62,11 @@ class RuleArbiter(Arbiter):
         period: float = 0.05,
         driver: str = "shared",
         optional_inputs: Sequence[str] = (),
+        logged: Sequence[str] = (),
     ) -> None:
         super().__init__(robot=robot, period=period, driver=driver, optional_inputs=optional_inputs)
         self._further_ports = {name: self.GetInputPort(name) for name in optional_inputs}
+        self.logged = tuple(logged)
 
     def MakeRule(self, learner: Learner | None) -> ArbitrationRule:
         """The rule of trials with ``learner``; None: there is no learner."""
@@ -82,6 +87,8 @@ class RuleArbiter(Arbiter):
             {self.all_input_ports_ticket(), self.pa_ticket(), self.xd_ticket()},
         )
         DeclareDiscreteUpdate(self, period=self.period, update=self._update)
+        for name in self.logged:
+            self.DeclareVectorOutputPort(name, 1, functools.partial(self._calc_logged, name))
 
     def SetLearner(self, context: Context, learner: Learner) -> None:
         """Sets the rule of ``context`` to that of trials with ``learner``, at its start.
@@ -133,6 +140,9 @@ class RuleArbiter(Arbiter):
         with np.errstate(invalid="ignore"):
             weight, command, after = made.rule.step(before, inputs)
         output.set_value(_Shared(_Step(weight.item(), command[:, 0].tolist(), after)))
+
+    def _calc_logged(self, name: str, context: Context, output: BasicVector) -> None:
+        output[0] = self.state_after(context)[name].item()
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         state.set_value(self._memory_index, self._packed(self.state_after(context)))

@@ -46,7 +46,7 @@ def mean_noise(person) -> float:
 
 
 def test_noisy_and_steady_drives_are_told_apart(steady, noisy):
-    people = [person_of(trials, ["one", "two"]) for trials in (steady, noisy)]
+    people = [person_of(trials, ["one", "two"])[0] for trials in (steady, noisy)]
     assert mean_noise(people[0]) < 0.45 < 0.7 < mean_noise(people[1])
     for person in people:
         assert sum(person.probability) == pytest.approx(1.0, abs=1e-2)
@@ -62,18 +62,17 @@ def test_trials_of_another_robot_are_refused(steady):
     assert caught.value.field == "robot"
 
 
-def test_another_driver_is_noticed_in_mid_drive(steady, noisy):
-    person = person_of(steady, ["one", "two"])
-    model = FusionModel(noise_prior=person.probability)
+def test_another_driver_in_mid_drive_is_noticed_and_so_is_the_return(steady, noisy):
+    person, _ = person_of(steady, ["one", "two"])
     fusion = Fusion(
-        model,
+        FusionModel(noise_prior=person.probability),
         routes_of(SCENARIO, []),
         scenario=SCENARIO,
         robot=SCENARIO.robot,
         period=SCENARIO.control_period,
     )
-    state, nothing, departures = fusion.initial_state(1), np.full(1, np.nan), []
-    for trial, steps in ((steady[0], range(100)), (noisy[0], range(100, 160))):
+    state, nothing, found = fusion.initial_state(1), np.full(1, np.nan), []
+    for trial, steps in ((steady[0], range(80)), (noisy[0], range(60, 160)), (steady[0], range(80, 190))):
         poses, human = np.stack([trial["x"], trial["y"], trial["yaw"]]), trial.commands("human").T
         for step in steps:
             now = slice(step, step + 1)
@@ -85,18 +84,32 @@ def test_another_driver_is_noticed_in_mid_drive(steady, noisy):
                 clearance=nothing,
             )
             _, _, state = fusion.step(state, inputs)
-            departures.append(fusion.departure(state).item())
-    assert np.median(departures[20:100]) < 0.8 < 0.9 < np.median(departures[120:])
+            np.testing.assert_allclose(state["probability"].sum(), 1.0)
+        found.append(state["another_driver"].item())
+    assert found == [0.0, 1.0, 0.0]
 
 
-def test_a_person_of_earlier_logs_starts_the_next_trials(steady, tmp_path, capfd):
-    logs = [tmp_path / f"{index}.parquet" for index in range(2)]
-    for log, trial in zip(logs, steady, strict=True):
+def test_a_drive_of_another_driver_is_left_out_of_the_file_of_a_person(steady, noisy):
+    own, none = person_of(steady, ["one", "two"])
+    person, others = person_of([*steady, noisy[0]], ["one", "two", "three"])
+    assert not none
+    assert set(others) == {"three"}
+    assert others["three"] < 3.0  # It is another one's from its start on.
+    assert person == own
+    with pytest.raises(InputError) as caught:
+        person_of([steady[0], noisy[0], *drives(1.8)[:1]], ["one", "two", "three"])
+    assert caught.value.source in {"one", "two", "three"}
+
+
+def test_a_person_of_earlier_logs_starts_the_next_trials(steady, noisy, tmp_path, capfd):
+    logs = [tmp_path / f"{index}.parquet" for index in range(3)]
+    for log, trial in zip(logs, [*steady, noisy[0]], strict=True):
         write_log(trial, log)
     file = tmp_path / "anna.json"
     assert main(["fit-operator", *map(str, logs), "--person", str(file)]) == 0
     person = read_person(file, SCENARIO.robot)
-    assert person == person_of(steady, ["one", "two"])
+    assert person == person_of(steady, ["one", "two"])[0]
+    assert f"{logs[2]} is left out" in capfd.readouterr().err
     out = tmp_path / "out"
     command = ["simulate", "--arbitration", "fusion", "--person", str(file), "--out", str(out)]
     assert main(command) == 0

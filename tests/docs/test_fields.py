@@ -75,7 +75,14 @@ def trial():
 
 
 def test_log_columns_and_metadata(trial):
-    assert listed("files.md", "Logs") == {*trial.columns, *trial.metadata, "recording"}
+    assert listed("files.md", "Logs") == {
+        *trial.columns,
+        *trial.metadata,
+        "recording",
+        # Of the arbiter fusion, which has no feedback.
+        "driver_noise",
+        "another_driver",
+    }
 
 
 def test_demonstration_columns_and_metadata(tmp_path):

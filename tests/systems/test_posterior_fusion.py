@@ -46,9 +46,15 @@ def test_the_noise_of_the_driver_is_estimated_with_its_uncertainty(simulation):
         context = arbiter.GetMyContextFromRoot(running.root)
         (mean, deviation), (time, _) = arbiter.GetNoise(context), arbiter.GetNoiseTime(context)
         assert abs(mean - noise) < max(3.0 * deviation, 0.1)
+        assert arbiter.GetOutputPort("driver_noise").Eval(context).item() == pytest.approx(mean)
         assert 0.1 < time < 2.0
         found[noise] = mean
     assert found[0.1] < 0.4 < 0.8 < found[1.2]
+
+
+def test_the_estimate_is_in_the_log_and_without_a_person_there_is_nobody_to_compare_with(trial):
+    assert 0.6 < trial["driver_noise"][100:].mean() < 1.5
+    assert not trial["another_driver"].any()
 
 
 def test_the_model_is_kept_in_the_log(trial):

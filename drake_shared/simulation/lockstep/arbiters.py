@@ -51,9 +51,11 @@ class Arbitrations:
 
     def __init__(self, arbiter: Arbiter, learners: Sequence[Learner | None]) -> None:
         self._which = np.zeros(len(learners), np.int64)
+        self._logged: tuple[str, ...] = ()
         if isinstance(arbiter, RuleArbiter):
             found = {id(learner): learner for learner in learners}
             self._rules: list[ArbitrationRule] = [_Applied(arbiter.MakeRule(item)) for item in found.values()]
+            self._logged = arbiter.logged
             order = list(found)
             self._which = np.array([order.index(id(learner)) for learner in learners])
         else:
@@ -71,6 +73,14 @@ class Arbitrations:
                 result = rule.step(self._states[index], own)
                 weight[rows], command[:, rows], self._states[index] = result
         return weight, command
+
+    def logged(self) -> Floats:
+        """The further columns (L, n) of the log after this step's command."""
+        values = np.empty((len(self._logged), len(self._which)))
+        for index, state in enumerate(self._states):
+            for column, name in zip(values, self._logged, strict=True):
+                column[self._which == index] = state[name]
+        return values
 
     def keep(self, rows: NDArray[np.bool_]) -> None:
         """Leaves out the trials that ``rows`` (n,) does not mark."""

@@ -212,7 +212,7 @@ class _Run:
         weight, shared = self._arbitrations.step(inputs)
         weight, shared = apply_driver(state["fixed"], weight, shared, human, autonomous)
         measures = [confidence, weight, variance, clearance, contact, by_pose, by_command]
-        row = [pose, sent, autonomous, shared, wheels, np.stack(measures)]
+        row = [pose, sent, autonomous, shared, wheels, np.stack(measures), self._arbitrations.logged()]
         applied = shared
         if self._filters is not None:
             applied = self._filters.apply(pose, wheels, shared, clearance)
