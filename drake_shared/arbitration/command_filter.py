@@ -68,6 +68,9 @@ class CommandFilters:
             seen = spread[..., 0] + spread[..., 2]
             variance = seen[..., 0] + seen[..., 2]
         self.innovation = variance[which]
+        self._log_innovation, self._log_variance = (
+            np.log(part)[..., None] for part in (self.innovation, self._variance)
+        )
         # The state x = (1 - g h) F x + g d for a lasting difference d = 1.
         kept = move - gain[..., None] * (move[..., 0, :] + move[..., 2, :])[..., None, :]
         self.share = np.linalg.solve(np.eye(3) - kept, gain[..., None])[which, :, 0, 0]
@@ -93,16 +96,13 @@ class CommandFilters:
             the same of drivers whose difference began in this step. Up to a constant.
         """
         seen, move = difference[:, None], self._move
-        before = np.stack(
-            [
-                move[0, 0] * state[0] + move[0, 1] * state[1],
-                move[1, 0] * state[0] + move[1, 1] * state[1],
-                move[2, 2] * state[2],
-            ]
-        )
+        before = np.empty_like(state)
+        before[0] = move[0, 0] * state[0] + move[0, 1] * state[1]
+        before[1] = move[1, 0] * state[0] + move[1, 1] * state[1]
+        before[2] = move[2, 2] * state[2]
         innovation = seen - before[0] - before[2]
         fresh = self._first * seen
-        fresh_log = -0.5 * (np.square(seen) / self._variance[..., None] + np.log(self._variance)[..., None])
+        fresh_log = -0.5 * (np.square(seen) / self._variance[..., None] + self._log_variance)
         # The first command of a drive says nothing: drivers start from rest.
         known = np.isfinite(innovation[:1, :1])
         scored = known & gives
@@ -115,4 +115,4 @@ class CommandFilters:
         square = np.square(innovation) / variance
         if math.isfinite(self._tail):
             square = (self._tail + 1.0) * np.log1p(square / self._tail)
-        return np.asarray(-0.5 * (square + np.log(variance)))
+        return np.asarray(-0.5 * (square + self._log_innovation))

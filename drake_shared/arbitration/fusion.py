@@ -110,17 +110,19 @@ class Fusion:
         """
         model, pose, human = self._model, inputs.pose, inputs.human
         progress = self._guide.advance(state["progress"], pose)
-        commands, target = self._guide.commands(progress, pose, self._look_aheads)
-        agent, driver = _turn(commands)
+        left, right, target = self._guide.commands(progress, pose, self._look_aheads)
+        agent, driver = 0.5 * (right - left)
         driver = np.minimum(np.maximum(driver, -model.largest_turn), model.largest_turn)
-        none = np.zeros_like(driver[:1])
-        now = np.concatenate([driver, none, _speed(commands[1]).mean(axis=0, keepdims=True)])
+        now = np.zeros((self._count + 2, len(human[0])))
+        now[:-2] = driver
+        now[-1] = 0.5 * (right[1] + left[1]).mean(axis=0)
         expected = np.concatenate([state["expected"][1:], now[None]])
         # Until the delay has passed, what is known is the first command of each route.
         past = np.where(np.isnan(expected[0]), expected[-1], expected[0])
         gives = np.abs(human).max(axis=0) > _STILL
-        given = np.broadcast_to(_turn(human), past.shape).copy()
-        given[-1] = _speed(human)
+        given = np.empty_like(past)
+        given[:-1] = 0.5 * (human[1] - human[0])
+        given[-1] = 0.5 * (human[1] + human[0])
         continued, log, fresh, fresh_log = self._filters.step(state["command"], given - past, gives)
         blocked = np.zeros_like(log[:-1, :1])
         is_free = ~self._guide.is_blocked(pose, target[1])
@@ -200,16 +202,6 @@ class Fusion:
         """The probability (H, G, n) one step later: noise and its time constant may have changed."""
         anew = probability.sum(axis=1, keepdims=True) * self._driver_change.prior(another)
         return np.asarray((1.0 - self._drifts) * probability + self._drifts * anew)
-
-
-def _turn(command: Floats) -> Floats:
-    """Half the difference of the wheels' speeds, in [rad/s], of commands (..., 2, n)."""
-    return np.asarray(0.5 * (command[..., 1, :] - command[..., 0, :]))
-
-
-def _speed(command: Floats) -> Floats:
-    """Half the sum of the wheels' speeds, in [rad/s], of commands (..., 2, n)."""
-    return np.asarray(0.5 * (command[..., 1, :] + command[..., 0, :]))
 
 
 def _moments(probability: Floats, values: Floats) -> Floats:

@@ -172,7 +172,7 @@ def test_a_destination_behind_an_obstacle_is_blocked():
     progress = guide.initial_progress(1)
     for _ in range(10):
         progress = guide.advance(progress, pose)
-    _, target = guide.commands(progress, pose, np.array([0.6]))
+    *_, target = guide.commands(progress, pose, np.array([0.6]))
     first = SCENARIO.obstacles[0]
     right = [route[np.abs(route[:, 0] - first.x).argmin(), 1] < first.y for route in ROUTES.points]
     blocked = guide.is_blocked(pose, target[0])[:, 0]
