@@ -106,7 +106,7 @@ def train_together(
     training is cut short because no loss improves, which is decided for all.
 
     Args:
-        tasks: Demonstrations of each learner; all of one duration.
+        tasks: Demonstrations of each learner; under a time limit all of one duration.
         seeds: Of each learner.
         weighted: As for `train`, for all or of each.
         checkpoints: Numbers of iterations after which ``on_checkpoint`` is called, with each learner that is
@@ -238,21 +238,19 @@ def fit(
         on_checkpoint: Is called after as many, for each network, with the index of its dataset, what is
             returned of it, the iterations, and the running mean loss.
     """
-    # Under a time limit groups would have to share it.
-    together = plan.device == "cuda" or plan.seconds is not None
-    groups = 1 if together else math.ceil(len(datasets) / MAX_TOGETHER)
+    groups = _groups(datasets, plan)
     found: dict[int, Trained] = {}
 
     def progress(done: int, planned: int, loss: float) -> None:
         if plan.progress is not None:
-            plan.progress(group * planned + done, groups * planned, loss)
+            plan.progress(number * planned + done, len(groups) * planned, loss)
 
     def report(place: int, step: int, loss: float) -> None:
         if on_checkpoint is not None:
             on_checkpoint(waiting[place], found[waiting[place]], step, loss)
 
-    for group in range(groups):
-        waiting = list(range(len(datasets)))[group::groups]
+    for number in range(len(groups)):
+        waiting = groups[number]
         for restarts in range(plan.parameters.restarts + 1):
             run = Optimization(
                 [datasets[index] for index in waiting],
@@ -272,6 +270,22 @@ def fit(
             if not waiting:
                 break
     return [found[index] for index in range(len(datasets))]
+
+
+def _groups(datasets: Sequence[Dataset], plan: Plan) -> list[list[int]]:
+    """Indices of the datasets that are trained side by side: those on one grid, on a CPU not too many."""
+    if plan.seconds is not None:
+        # Groups would have to share the time.
+        return [list(range(len(datasets)))]
+    alike: dict[int, list[int]] = {}
+    for index, dataset in enumerate(datasets):
+        alike.setdefault(len(dataset.grid), []).append(index)
+    most = len(datasets) if plan.device == "cuda" else MAX_TOGETHER
+    groups = []
+    for indices in alike.values():
+        count = math.ceil(len(indices) / most)
+        groups += [indices[begin::count] for begin in range(count)]
+    return groups
 
 
 def find_device(name: str) -> str:

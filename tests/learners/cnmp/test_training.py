@@ -241,6 +241,17 @@ def test_without_a_gpu_auto_is_the_cpu_and_cuda_is_refused(two_ways):
     assert caught.value.field == "device"
 
 
+def test_learners_of_demonstrations_of_different_durations_are_those_trained_alone(make_bows):
+    tasks = [make_bows([1.0, -1.0]), make_bows([0.5, -0.5], duration=3.0), make_bows([0.8, -0.8])]
+    parameters = dataclasses.replace(PRESETS["default"], batch=4, encoder=(8, 8), decoder=(8,), restarts=0)
+    options = {"parameters": parameters, "iterations": 10}
+    together = train_together(tasks, [0, 1, 2], **options)
+    for task, seed, learner in zip(tasks, [0, 1, 2], together, strict=True):
+        (alone,) = train_together([task], [seed], **options)
+        shown = ([1.0], [[1.0, 0.7]], alone.grid)
+        np.testing.assert_allclose(learner.predict(*shown), alone.predict(*shown), atol=1e-4)
+
+
 def test_many_learners_are_trained_in_groups_with_the_results_of_each_alone(make_bows):
     count = MAX_TOGETHER + 1
     tasks = [make_bows([height, -height]) for height in np.linspace(0.5, 1.5, count)]
