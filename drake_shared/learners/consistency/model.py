@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 
 # Noise levels in units in which demonstrated actions have the standard deviation `DATA_SPREAD`, as published.
 LEAST_NOISE, MOST_NOISE, DATA_SPREAD = 0.002, 80.0, 0.5
+LOG_SCALE = 0.25
+"""The network sees the logarithm of a noise level times this."""
 _RHO = 7.0
 _HARMONICS = 3
 
@@ -55,7 +57,7 @@ class ConsistencyModel:
         skip, out, inner = consistency_scalings(noise)
         noisy = (action - self.mean) / self.scale
         place = position_features((position - self.origin) / self.extent)
-        values = np.concatenate([inner * noisy, [noise_input(noise)], place]).astype(np.float32)
+        values = np.concatenate([inner * noisy, [LOG_SCALE * np.log(noise)], place]).astype(np.float32)
         *hidden, (weights, bias) = self.layers
         for hidden_weights, hidden_bias in hidden:
             values = np.maximum(values @ hidden_weights + hidden_bias, np.float32(0.0))
@@ -82,11 +84,6 @@ def consistency_scalings(noise: Any) -> tuple[Any, Any, Any]:
     """
     above, inner = noise - LEAST_NOISE, 1.0 / (noise**2 + DATA_SPREAD**2) ** 0.5
     return DATA_SPREAD**2 / (above**2 + DATA_SPREAD**2), DATA_SPREAD * above * inner, inner
-
-
-def noise_input(noise: Any) -> Any:
-    """What the network sees of a noise level: its logarithm (of a float or a tensor), about from -1 to 1."""
-    return 0.25 * (noise.log() if hasattr(noise, "log") else np.log(noise))
 
 
 def position_features(position: Floats) -> Floats:

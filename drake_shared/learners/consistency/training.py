@@ -20,10 +20,10 @@ from drake_shared.common.arrays import path_at
 from drake_shared.learners.cnmp.training import fast_training
 from drake_shared.learners.consistency.model import (
     DATA_SPREAD,
+    LOG_SCALE,
     ConsistencyModel,
     consistency_scalings,
     denoiser_scalings,
-    noise_input,
     noise_level,
     position_features,
 )
@@ -107,7 +107,7 @@ def _network(features: int, size: int) -> nn.Sequential:
 def _apply(network: nn.Module, scalings: Scalings, noisy: Tensor, noise: Tensor, place: Tensor) -> Tensor:
     """Denoised actions (B, D) of noisy ones with noise levels (B, 1)."""
     skip, out, inner = scalings(noise)
-    added: Tensor = network(torch.cat([inner * noisy, noise_input(noise), place], dim=1))
+    added: Tensor = network(torch.cat([inner * noisy, LOG_SCALE * noise.log(), place], dim=1))
     return skip * noisy + out * added
 
 
