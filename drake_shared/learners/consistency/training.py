@@ -34,8 +34,8 @@ Scalings = Callable[[Tensor], tuple[Tensor, Tensor, Tensor]]
 
 _HIDDEN = (96, 96, 96)
 _SAMPLES, _BATCH = 20_000, 256
-_ITERATIONS = 400
-_LEARNING_RATE = 8e-3
+_ITERATIONS = 800
+_LEARNING_RATE = 4e-3
 # Noise levels of the distillation, and the decay of the target network.
 _LEVELS, _DECAY = 30, 0.95
 # Standard deviation of the displacements from which the way back is learnt, relative to the spread of the
