@@ -33,6 +33,7 @@ MODULES = {
     "mispredictions": "mispredictions",
     "faults_injected": "faults_injected",
     "where_help_hurts": "where_help_hurts",
+    "adaptation": "adaptation",
     "manipulator": "manipulator",
     "operators_drawn": "operators",
 }
