@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -121,7 +121,7 @@ def run_operator(
 
 def _priors(
     scenario: str | None, name: str, learners: int, operators: Sequence[str]
-) -> Mapping[str, Sequence[float]]:
+) -> dict[str, list[float]]:
     """The prior of each arm for an operator; empty: none."""
     earlier = _earlier(scenario, learners, tuple(operators))
     others = [drive for operator, drives in earlier.items() if operator != name for drive in drives]
@@ -132,7 +132,7 @@ def _priors(
         "own": earlier[name],
         "mistaken": earlier[_MISTAKEN.get(name, "unskilled")],
     }
-    return {"none": ()} | {arm: prior_of(found) for arm, found in drives.items()}
+    return {"none": []} | {arm: prior_of(found).tolist() for arm, found in drives.items()}
 
 
 def _config(prior: Sequence[float]) -> SharedControlConfig:
