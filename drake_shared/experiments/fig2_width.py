@@ -155,15 +155,11 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
     """The paths by width, and what they cost in human weight and intent success."""
     rows = [row for result in results for row in result["rows"]]
     widths = list(dict.fromkeys(row["width"] for row in rows))
-    outcomes = {
-        preset: [
-            (
-                width,
-                estimate(rows, _FREE, preset=preset, width=width).mean,
-                {measure.name: estimate(rows, measure, preset=preset, width=width) for measure in MEASURES},
-            )
-            for width in widths
-        ]
+    first_free = {
+        preset: next(
+            (width for width in widths if estimate(rows, _FREE, preset=preset, width=width).mean == 100.0),
+            None,
+        )
         for preset in PRESETS
     }
     (demonstrations,) = demonstrated(scenario, [Teaching(seed=SEED)])
@@ -173,11 +169,7 @@ def report(scenario: str | None, size: Size, results: list[Any]) -> Section:
             "weighting_width",
             trials=min(size.trials, _TRIALS),
             learners={preset: len(select(rows, preset=preset, width=widths[0])) for preset in PRESETS},
-            outcomes=outcomes,
-            first_free={
-                preset: next((width for width, free, _ in found if free == 100.0), None)
-                for preset, found in outcomes.items()
-            },
+            first_free=first_free,
             probabilities={width: _probabilities(demonstrations, width) for width in widths},
         ),
         pictures=[
