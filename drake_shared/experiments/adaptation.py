@@ -27,8 +27,9 @@ from drake_shared.experiments.drawing import (
     ORANGE,
     draw_interval,
     label_lines,
-    legend_below,
+    marker_legend,
     new_figure,
+    rule_lines,
 )
 from drake_shared.experiments.measures import COLLISIONS, INTENT_SUCCESS, Measure, by_learner, estimate
 from drake_shared.experiments.paired_trials import (
@@ -318,14 +319,9 @@ def _figure(rows: Rows) -> Any:
                     markersize=3.5,
                 )
         place.set_xlabel(measure.label, fontsize=9)
-        place.grid(axis="y", color="0.93")
-        place.set_axisbelow(True)
+        rule_lines(place)
     axes[0].set_xlim(None, 105)
-    handles = [
-        axes[0].plot([], [], color=colour, marker=marker, linestyle="", markersize=4, label=ARMS[arm])[0]
-        for arm, (colour, marker) in _DRAWN.items()
-    ]
-    legend_below(figure, handles, columns=4)
+    marker_legend(figure, {ARMS[arm]: style for arm, style in _DRAWN.items()}, columns=4)
     return figure
 
 

@@ -27,8 +27,9 @@ from drake_shared.experiments.drawing import (
     PURPLE,
     draw_interval,
     label_lines,
-    legend_below,
+    marker_legend,
     new_figure,
+    title_panel,
 )
 from drake_shared.experiments.measures import (
     COLLISIONS,
@@ -255,19 +256,8 @@ def _picture(rows: Rows, operator: str) -> Picture:
             colour, marker = _STYLES[kind]
             found = _estimate(rows, measure, arm, kind, operator)
             draw_interval(place, height, found, colour, marker=marker, markersize=3.5)
-        place.set_title(measure.title, fontsize=9)
-        place.set_xlabel(measure.unit, fontsize=8)
-        place.grid(axis="y", color="0.93")
-        place.set_axisbelow(True)
-        if measure.unit == "%":
-            place.set_xlim(-5, 105)
-    handles = [
-        axes[0, 0].plot([], [], color=colour, marker=marker, linestyle="", markersize=4, label=_NAMES[kind])[
-            0
-        ]
-        for kind, (colour, marker) in _STYLES.items()
-    ]
-    legend_below(figure, handles, columns=4)
+        title_panel(place, measure.title, measure.unit)
+    marker_legend(figure, {_NAMES[kind]: style for kind, style in _STYLES.items()}, columns=4)
     return Picture.of(
         figure,
         f"Operator {operator}: means with 95% intervals over learners, by arbitration and learner. "

@@ -5,7 +5,15 @@ from __future__ import annotations
 import itertools
 
 from drake_shared.experiments.compare_trials import HUMAN
-from drake_shared.experiments.drawing import BLACK, BLUE, VERMILION, draw_interval, label_lines, new_figure
+from drake_shared.experiments.drawing import (
+    BLACK,
+    BLUE,
+    VERMILION,
+    draw_interval,
+    label_lines,
+    new_figure,
+    rule_lines,
+)
 from drake_shared.experiments.measures import (
     COLLISIONS,
     HUMAN_EFFORT,
@@ -87,8 +95,7 @@ def picture(rows: Rows) -> Picture:
             draw_interval(place, at, found, colour, marker="o", markersize=3.5)
         place.set_title(condition if world == "as taught" else f"{world}: {condition}", fontsize=9)
         place.set_xlim(-5, 105)
-        place.grid(axis="y", color="0.93")
-        place.set_axisbelow(True)
+        rule_lines(place)
     figure.supxlabel("intent success, %", fontsize=8)
     return Picture.of(
         figure,

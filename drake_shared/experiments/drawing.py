@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,6 +71,21 @@ def legend_below(figure: Figure, handles: Any, labels: Sequence[str] | None = No
     """
     words = [handle.get_label() for handle in handles] if labels is None else labels
     figure.legend(handles, words, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
+
+
+def marker_legend(figure: Figure, styles: Mapping[str, tuple[str, str]], *, columns: int) -> None:
+    """Adds one legend for all axes of a figure, below them, with a marker for each entry.
+
+    Args:
+        figure: From `new_figure`.
+        styles: Colour and marker by label.
+        columns: Number of entries in a line.
+    """
+    handles = [
+        figure.axes[0].plot([], [], color=colour, marker=marker, linestyle="", markersize=4, label=label)[0]
+        for label, (colour, marker) in styles.items()
+    ]
+    legend_below(figure, handles, columns=columns)
 
 
 def draw_scene(axes: Axes, scenario: Scenario) -> None:
@@ -180,6 +195,21 @@ def draw_interval(axes: Axes, height: float, found: Estimate, colour: str, **mar
         linewidth=1.2,
         **marker,
     )
+
+
+def title_panel(axes: Axes, title: str, unit: str) -> None:
+    """Titles a panel of horizontal bars; percentages have the same axis everywhere."""
+    axes.set_title(title, fontsize=9)
+    axes.set_xlabel(unit, fontsize=8)
+    rule_lines(axes)
+    if unit == "%":
+        axes.set_xlim(-5, 105)
+
+
+def rule_lines(axes: Axes) -> None:
+    """Draws a faint line behind each horizontal bar."""
+    axes.grid(axis="y", color="0.93")
+    axes.set_axisbelow(True)
 
 
 def label_lines(axes: Axes, labels: Sequence[str]) -> None:

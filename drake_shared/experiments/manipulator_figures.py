@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from drake_shared.experiments.drawing import (
@@ -12,8 +12,9 @@ from drake_shared.experiments.drawing import (
     PURPLE,
     draw_interval,
     label_lines,
-    legend_below,
+    marker_legend,
     new_figure,
+    title_panel,
 )
 from drake_shared.experiments.manipulator_trials import (
     AGENT,
@@ -117,7 +118,8 @@ def draw_operators(rows: Rows) -> Any:
                     marker = {"markerfacecolor": "white"} if keeps_clear else {}
                     at = height + offset + 0.16 * keeps_clear
                     draw_interval(place, at, found, COLOURS[colour], marker="o", markersize=3.5, **marker)
-    _add_legend(figure, axes[0], {control: COLOURS[colour] for control, (colour, _) in styles.items()})
+    legend = {control: (COLOURS[colour], "o") for control, (colour, _) in styles.items()}
+    marker_legend(figure, legend, columns=len(legend))
     return figure
 
 
@@ -131,7 +133,8 @@ def draw_controls(rows: Rows) -> Any:
                 colour, offset = styles[operator]
                 found = estimate(rows, measure, **_where(operator, control))
                 draw_interval(place, height + offset, found, colour, marker="o", markersize=3.5)
-    _add_legend(figure, axes[0], {operator: styles[operator][0] for operator in COMPARED})
+    legend = {operator: (styles[operator][0], "o") for operator in COMPARED}
+    marker_legend(figure, legend, columns=len(legend))
     return figure
 
 
@@ -140,18 +143,5 @@ def _panels(height: float, labels: Sequence[str]) -> tuple[Any, Any]:
     figure, axes = new_figure(height, columns=len(_DRAWN), sharey=True)
     label_lines(axes[0], labels)
     for place, measure in zip(axes, _DRAWN, strict=True):
-        place.set_title(measure.title, fontsize=9)
-        place.set_xlabel(measure.unit, fontsize=8)
-        place.grid(axis="y", color="0.93")
-        place.set_axisbelow(True)
-        if measure.unit == "%":
-            place.set_xlim(-5, 105)
+        title_panel(place, measure.title, measure.unit)
     return figure, axes
-
-
-def _add_legend(figure: Any, axes: Any, colours: Mapping[str, str]) -> None:
-    handles = [
-        axes.plot([], [], color=colour, marker="o", linestyle="", markersize=4, label=name)[0]
-        for name, colour in colours.items()
-    ]
-    legend_below(figure, handles, columns=len(handles))

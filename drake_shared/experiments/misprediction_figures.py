@@ -17,6 +17,7 @@ from drake_shared.experiments.drawing import (
     legend_below,
     limit_to_workspace,
     new_figure,
+    rule_lines,
 )
 from drake_shared.experiments.measures import (
     COLLISIONS,
@@ -68,8 +69,7 @@ def successes(rows: Rows) -> Any:
         place.set_title(words.replace(" without", "\nwithout"), fontsize=9)
         place.set(xlim=(-4, 104))
         place.set_xlabel(INTENT_SUCCESS.label, fontsize=9)
-        place.grid(axis="y", color="0.93")
-        place.set_axisbelow(True)
+        rule_lines(place)
     style = {"color": "0.3", "marker": "o", "linestyle": "", "markersize": 4.5}
     handles = [axes[0].plot([], [], **style, markerfacecolor=face)[0] for face in _FACES.values()]
     legend_below(figure, handles, OPERATORS, columns=2)
