@@ -48,10 +48,12 @@ def throughput(trials: Iterable[Trial], *, dwell: float = 0.5) -> Throughput:
         InputError: There are no trials, or one has no route.
     """
     moves: dict[str, list[tuple[float, float]]] = {}
-    count = 0
+    count, given = 0, None
     for trial in trials:
-        if not count:  # Takes as long as half a trial.
-            scenario = scenario_from_dict(trial.metadata["scenario"])
+        # Reading a scenario takes as long as half a trial.
+        if trial.metadata["scenario"] != given:
+            given = trial.metadata["scenario"]
+            scenario = scenario_from_dict(given)
         count += 1
         route = trial.metadata.get("route")
         if route is None:

@@ -1,5 +1,6 @@
 """Throughput of aimed movements, against a calculation by hand."""
 
+import copy
 import dataclasses
 import math
 
@@ -53,6 +54,15 @@ def test_a_target_that_is_passed_or_missed_is_not_selected():
     assert found.selected == 0.5
     assert found.throughput == throughput(stays, dwell=1.0).throughput
     assert math.isnan(throughput([stays[0], late], dwell=1.0).throughput)
+
+
+def test_the_target_of_each_trial_is_that_of_its_own_scenario():
+    trial = movement("near_large", past=0.02, arrival=3.0)
+    small = copy.deepcopy(METADATA["scenario"])
+    for goal in (small["goal"], *small["goals"]):
+        goal["radius"] = 0.01
+    other = dataclasses.replace(trial, metadata={**trial.metadata, "scenario": small})
+    assert throughput([trial, other], dwell=1.0).selected == 0.5
 
 
 def test_trials_need_an_intended_target():
