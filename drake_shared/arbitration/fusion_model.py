@@ -82,8 +82,9 @@ class FusionModel:
             value = getattr(self, field.name)
             values = value if isinstance(value, tuple) else (value,)
             most = 1.0 if field.name in _SHARES else math.inf
-            if field.name == "false_notices" and value <= self.noise_memory:
-                raise InputError("fusion", field.name, "must be longer than noise_memory", value)
             if not values or not all(0.0 < item < most for item in values):
                 expected = "must be from 0 to 1" if field.name in _SHARES else "must be positive and finite"
                 raise InputError("fusion", field.name, expected, value)
+        if self.false_notices <= self.noise_memory:
+            expected = "must be longer than noise_memory"
+            raise InputError("fusion", "false_notices", expected, self.false_notices)
