@@ -146,20 +146,21 @@ class Fusion:
         # Where hardly anything is noise, what is meant is the command, whatever the route.
         turn = (rest[:-1] * agent).sum(axis=0) + (share * past[:-1]).sum(axis=0)
         turn = turn + (probability * meant[0, :-1]).sum(axis=(0, 1))
-        speed = past[-1] + (probability.sum(axis=0) * meant[0, -1]).sum(axis=0)
+        noise = probability.sum(axis=0)
+        speed = past[-1] + (noise * meant[0, -1]).sum(axis=0)
         held = self._held(state, inputs)
         free = is_free * probability[:-1].sum(axis=1)
         way_out = (free * agent).sum(axis=0) / np.maximum(free.sum(axis=0), 1e-9)
         turn = turn + held * (way_out - turn)
         command = np.where(gives, np.stack([speed - turn, speed + turn]), 0.0)
-        noise = probability.sum(axis=0)
-        doubt, another, factor = self._driver_change.step(
-            state["doubt"], state["another_driver"], noise, gives
-        )
-        if (another != state["another_driver"]).any():
-            # What follows from the commands so far with the prior of who drives now.
-            probability = probability * factor
-            probability = probability / probability.sum(axis=(0, 1))
+        doubt, another = state["doubt"], state["another_driver"]
+        if self._model.noise_prior:
+            # Without a person's prior there is nobody to compare with.
+            doubt, another, factor = self._driver_change.step(doubt, another, noise, gives)
+            if (another != state["another_driver"]).any():
+                # What follows from the commands so far with the prior of who drives now.
+                probability = probability * factor
+                probability = probability / probability.sum(axis=(0, 1))
         after = {
             "progress": progress,
             "probability": probability,
