@@ -39,7 +39,7 @@ class Pool:
 
 
 @contextlib.contextmanager
-def executor(*, workers: int = 1, cluster: str | None = None, preload: Sequence[str] = ()) -> Iterator[Pool]:
+def executor(*, workers: int, cluster: str | None, preload: Sequence[str] = ()) -> Iterator[Pool]:
     """Yields an executor for tasks. An exception in the body abandons the tasks that are running.
 
     Args:
@@ -174,8 +174,6 @@ def _check_workers(client: Any, address: str, timeout: float) -> None:
     for worker, theirs in sorted(found.items()):
         if isinstance(theirs, OSError):
             continue  # It is disconnecting; the scheduler gives its tasks to others.
-        if isinstance(theirs, Exception):
-            theirs = f"{type(theirs).__name__}: {theirs}".splitlines()[0]
         if differs := first_difference(theirs, identity()):
             raise InputError(
                 f"worker {worker}", "", f"must have the same drake_shared as this process: {differs}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import contextlib
 import json
 import logging
 import queue
@@ -72,26 +73,24 @@ def read_results(tasks: Iterable[Task], store: ResultStore) -> dict[str, Any]:
     """The values that a store holds, by the key of their task."""
     values = {}
     for task in tasks:
-        try:
+        with contextlib.suppress(KeyError):
             values[task.key] = store.read(task)
-        except KeyError:
-            continue
     return values
 
 
 def run_as_completed(
     tasks: Iterable[Task],
-    store: ResultStore | None = None,
+    store: ResultStore | None,
     *,
-    workers: int = 1,
+    workers: int,
     cluster: str | None = None,
-    retries: int = 2,
+    retries: int,
 ) -> Iterator[tuple[Task, Any]]:
     """Runs tasks and yields each with its value once that is stored.
 
     Args:
         tasks: With different keys.
-        store: Keeps the results, if given.
+        store: Keeps the results, unless it is None.
         workers: Number of local processes; 1 is this process, in which tasks run in order, one for each step
             of the iterator.
         cluster: Address of a Dask scheduler to use instead. Its workers have file systems and working folders
@@ -199,8 +198,8 @@ def _outcomes(pool: Pool, tasks: list[Task], attempts: _Attempts) -> Iterator[tu
             raise InputError(outcome.error, "", "")
         if outcome.failure == "run":
             raise RunError(f"{outcome.error}{attempts.note}")
-        if outcome.text is None:
+        if outcome.text is not None:
+            yield task, outcome.text
+        else:
             attempts.count_failure(task, outcome.error, outcome.details)
             waiting.append(task)
-            continue
-        yield task, outcome.text

@@ -57,7 +57,9 @@ def killed_once(seed: int, marker: str) -> dict:
     return walk(seed)
 
 
-def killed(seed: int) -> None:
+def killed(calls: str) -> None:
+    with Path(calls).open("a") as file:
+        file.write("called\n")
     os.kill(os.getpid(), signal.SIGKILL)
 
 

@@ -1,5 +1,6 @@
 """Tasks in this process and in pools of processes give the same bits, whatever fails meanwhile."""
 
+import io
 import os
 import signal
 import subprocess
@@ -111,10 +112,24 @@ def test_a_killed_worker_is_replaced(store, tmp_path, make_walks):
     assert repr(values) == repr([task.run() for task in make_walks(6)])
 
 
-def test_a_task_that_always_kills_its_worker_ends_the_run(store, make_walks):
-    tasks = [Task("example_tasks:killed", {"seed": 0}), *make_walks(2)]
+def test_a_task_that_always_kills_its_worker_ends_the_run(store, tmp_path):
+    calls = tmp_path / "calls"
     with pytest.raises(RunError, match="workers were lost 2 times"):
-        run_tasks(tasks, store, workers=2, retries=1)
+        run_tasks([Task("example_tasks:killed", {"calls": str(calls)})], store, workers=2, retries=1)
+    assert len(calls.read_text().splitlines()) == 2
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_shows_a_bar_unless_the_caller_shows_the_progress(store, make_walks, monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    run_tasks(make_walks(1), store, progress=lambda _done, _total: None)
+    assert sys.stderr.getvalue() == ""
+    run_tasks(make_walks(1), store)
+    assert "1/1" in sys.stderr.getvalue()
 
 
 def test_a_worker_with_other_code_is_refused(store, make_walks, monkeypatch):

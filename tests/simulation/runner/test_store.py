@@ -96,6 +96,7 @@ def test_force_removes_only_files_of_the_store(store):
     notes = store.folder / "results" / "notes.txt"
     notes.write_text("mine")
     (store.folder / "results" / f".{TASK.key}.json.k3v9_2ab").write_text("half")
+    (store.folder / ".run.json.k3v9_2ab").write_text("half")
     (store.folder / "figure.png").write_text("mine")
     restarted = JsonStore.open(store.folder, {"trials": 5}, force=True)
     assert sorted(path.name for path in store.folder.rglob("*")) == [
