@@ -69,9 +69,13 @@ class Fusion:
             false_notices=model.false_notices,
         )
         # Turn and speed are made of two wheels, whose noises are independent.
-        meant = [(model.meant_planned if item else model.meant, model.meant_rate) for item in planned]
+        kinds = [(model.meant, model.meant_rate), (model.meant_planned, model.meant_planned_rate)]
         self._filters = CommandFilters(
-            [*meant, (model.none_turn, model.none_rate), (model.speed, model.speed_rate)],
+            [
+                *(kinds[item] for item in planned),
+                (model.none_turn, model.none_rate),
+                (model.speed, model.speed_rate),
+            ],
             noises / math.sqrt(2.0),
             times,
             period=period,

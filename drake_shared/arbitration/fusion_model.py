@@ -29,7 +29,7 @@ class FusionModel:
     meant_planned: float = 0.8
     """The same on a route that was planned, of which the agent knows only the side of each obstacle."""
     meant_rate: float = 3.0
-    """Rate at which that changes, in 1/s."""
+    """Rate at which the former changes, in 1/s."""
     none_turn: float = 1.3
     """Standard deviation of the turn of a driver on none of the routes, in rad/s."""
     none_rate: float = 2.5
@@ -69,6 +69,14 @@ class FusionModel:
     """Time after which the noise found counts as another observation of who drives, in s."""
     false_notices: float = 1800.0
     """Least mean time between false notices that another driver than that person has taken over, in s."""
+
+    @property
+    def meant_planned_rate(self) -> float:
+        """Rate at which what is meant on a planned route changes, in 1/s.
+
+        Drivers are as smooth there: were they rougher, each step of a smooth drive would speak against it.
+        """
+        return self.meant_rate * float((self.meant / self.meant_planned) ** (2.0 / 3.0))
 
     def __post_init__(self) -> None:
         pairs, weights = len(self.noises) * len(self.noise_times), self.noise_prior

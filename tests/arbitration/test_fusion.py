@@ -62,7 +62,7 @@ def test_the_posterior_is_that_on_the_grid_of_destinations_and_noises(drive, noi
     state, expected = observe(fusion_with(model), *drive)
     pairs = [(noise, time) for noise in noises for time in (0.25, 1.0)]
     log = np.zeros((COUNT + 1, len(pairs)))
-    meant = [(model.meant_planned, model.meant_rate)] * COUNT + [(model.none_turn, model.none_rate)]
+    meant = [(model.meant_planned, model.meant_planned_rate)] * COUNT + [(model.none_turn, model.none_rate)]
     turn, speed = 0.5 * (commands[:, 1] - commands[:, 0]), 0.5 * commands.sum(axis=1)
     for pair, (noise, time) in enumerate(pairs):
         for row, kind in enumerate([*meant, (model.speed, model.speed_rate)]):
@@ -120,6 +120,18 @@ def test_a_sudden_change_of_route_is_followed_within_half_a_second():
         weight, shared, state = fusion.step(state, inputs_of(pose, human))
     assert weight.item() > 0.5
     np.testing.assert_allclose(shared, human, atol=0.5)
+
+
+def test_a_smooth_drive_on_an_untaught_route_is_not_taken_for_a_bend_off_a_demonstrated_one():
+    model = FusionModel()
+    kinds = [(model.meant, model.meant_rate), (model.meant_planned, model.meant_planned_rate)]
+    filters = CommandFilters(kinds, np.array([0.1]), np.array([1.0]), period=PERIOD, tail=model.tail)
+    state, evidence = filters.initial_state(1), np.zeros(2)
+    for _ in range(20):
+        # For 1 s, as the planned route expects, and 1.2 rad/s beside the demonstrated one.
+        state, log, _, _ = filters.step(state, np.array([[-1.2], [0.0]]), np.array([True]))
+        evidence += log[:, 0, 0]
+    assert evidence[1] > evidence[0] + 1.0
 
 
 def test_the_prior_of_a_person_is_where_a_drive_begins(drive):
