@@ -29,7 +29,7 @@ class NearestDemonstrations:
     """
 
     name = "nearest_demonstrations"
-    preset = "default"
+    preset = "own"
     metadata: Mapping[str, Any] = {"clock": "progress", "evidence": "pose+command"}
 
     def __init__(self, grid: Array, demonstrations: Array, *, width: float = 0.15) -> None:

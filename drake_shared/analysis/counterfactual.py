@@ -75,8 +75,7 @@ def play_open_loop(
 
     Args:
         recorded: The recorded trial.
-        config: How control is shared; if None, as in the recorded trial, but without its faults and its
-            safety filter.
+        config: How control is shared; if None, as in the recorded trial, but without its faults.
         arbiter: A system in place of the config's arbiter.
         learner: The one that took part, or another.
 
@@ -124,7 +123,7 @@ def _left_at(recorded: Trial, played: Trial) -> float | None:
 
 
 def open_loop_config(metadata: Mapping[str, Any]) -> SharedControlConfig:
-    """The config of a recorded trial for shared control without faults and without a safety filter.
+    """The config of a recorded trial for shared control without faults.
 
     Args:
         metadata: Of the trial's log.
@@ -133,9 +132,7 @@ def open_loop_config(metadata: Mapping[str, Any]) -> SharedControlConfig:
         InputError: They hold no valid config.
     """
     config = config_of_log(metadata)
-    return dataclasses.replace(
-        config, driver="shared", faults=Faults(), safety_clearance=None, confidence_gain=None
-    )
+    return dataclasses.replace(config, driver="shared", faults=Faults(), confidence_gain=None)
 
 
 def _confidence_gain(metadata: Mapping[str, Any]) -> float | None:

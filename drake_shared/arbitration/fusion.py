@@ -26,7 +26,8 @@ from drake_shared.scenario import Scenario
 
 Floats = NDArray[np.float64]
 
-_STILL = 1e-6
+STILL = 1e-6
+"""Below this, in [rad/s], a wheel is not commanded to move."""
 # A robot that moves by less than this share of the commanded distance is held.
 _HELD = 0.1
 
@@ -123,7 +124,7 @@ class Fusion:
         expected = np.concatenate([state["expected"][1:], now[None]])
         # Until the delay has passed, what is known is the first command of each route.
         past = np.where(np.isnan(expected[0]), expected[-1], expected[0])
-        gives = np.abs(human).max(axis=0) > _STILL
+        gives = np.abs(human).max(axis=0) > STILL
         given = np.empty_like(past)
         given[:-1] = 0.5 * (human[1] - human[0])
         given[-1] = 0.5 * (human[1] + human[0])

@@ -18,7 +18,9 @@ from drake_shared.common.errors import InputError
 from drake_shared.common.files import check_target
 from drake_shared.learners import Learner
 from drake_shared.learners.calibration import Calibration
+from drake_shared.robots import Robot
 from drake_shared.scenario import Scenario
+from drake_shared.simulation.config import SharedControlConfig, blend_for
 
 if TYPE_CHECKING:
     from drake_shared.analysis.confidence_calibration import ConfidenceSteps
@@ -47,6 +49,11 @@ class Evaluate(LearnerOptions):
     """Write a reliability diagram here (PNG)."""
     json: bool = False
     """Print everything as one JSON object."""
+
+    @classmethod
+    def config_for(cls, preset: str, robot: Robot | None, **changes: Any) -> SharedControlConfig:
+        """The blend: its weight follows the confidence, which is judged."""
+        return blend_for(preset, **changes)
 
     def run(self) -> None:
         """Runs the command."""

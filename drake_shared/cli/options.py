@@ -19,6 +19,8 @@ from drake_shared.simulation.config import SharedControlConfig, config_for, load
 
 Control = Annotated[SharedControlConfig, tyro.conf.arg(name=""), tyro.conf.FlagConversionOff]
 """Every field of the config is an option."""
+_OF_THE_BLEND = ("--authority", "--confidence-gain", "--look-ahead")
+"""Options that only the blend heeds: they choose it where no arbiter is chosen."""
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -76,18 +78,28 @@ class LearnerOptions(ControlOptions):
 
     @classmethod
     def defaults(cls, arguments: Sequence[str]) -> dict[str, Any]:
-        """The config of ``--config``, or the one that goes with the learner's preset."""
+        """The config of ``--config``, or the one that goes with the learner's preset and the robot."""
         given = super().defaults(arguments)
         if given:
             return given
         preset, model = _value_of("--preset", arguments), _value_of("--model", arguments)
+        taught = None
         if model is not None:
             from drake_shared.learners.storage import read_description
 
             # A file that cannot be read is reported where it is loaded.
             with contextlib.suppress(InputError):
-                preset = read_description(model).get("preset")
-        return {"control": config_for(preset or "default")}
+                description = read_description(model)
+                preset, taught = description.get("preset"), description.get("scenario")
+        robot = _robot_of(_value_of("--scenario", arguments) or taught)
+        is_blend = any(item.startswith(_OF_THE_BLEND) for item in arguments)
+        changes = {"arbitration": "blend"} if is_blend else {}
+        return {"control": cls.config_for(preset or "default", robot, **changes)}
+
+    @classmethod
+    def config_for(cls, preset: str, robot: Robot | None, **changes: Any) -> SharedControlConfig:
+        """The config where no file gives one."""
+        return config_for(preset, robot, **changes)
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -135,6 +147,18 @@ def config_for_person(config: SharedControlConfig, name: str | None, robot: Robo
     return dataclasses.replace(
         config, arbitration_options={**config.arbitration_options, "noise_prior": prior}
     )
+
+
+def _robot_of(scenario: object) -> Robot | None:
+    """The robot of a scenario, file or name; None if it is unknown, which is reported where it is loaded."""
+    if not isinstance(scenario, str):
+        return None
+    from drake_shared.scenario import load_scenario
+
+    with contextlib.suppress(InputError):
+        robot: Robot = load_scenario(scenario).robot
+        return robot
+    return None
 
 
 def _value_of(option: str, arguments: Sequence[str]) -> str | None:

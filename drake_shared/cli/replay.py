@@ -15,7 +15,7 @@ from drake_shared.cli.common import learner_of_log, print_json
 from drake_shared.cli.table import figure_lines
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
-from drake_shared.simulation.config import SharedControlConfig, config_for, load_config
+from drake_shared.simulation.config import SharedControlConfig, blend_for, load_config
 
 if TYPE_CHECKING:
     from drake_shared.learners import Learner
@@ -74,7 +74,7 @@ class Replay(Command):
             authority = config.authority
             if config.arbitration != changed.arbitration:
                 # The recorded trial does not say what the human keeps with the other arbiter.
-                authority = config_for(None if learner is None else learner.preset).authority
+                authority = blend_for(None if learner is None else learner.preset).authority
             config = dataclasses.replace(
                 config,
                 driver=changed.driver,

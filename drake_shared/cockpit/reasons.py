@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 Reason = Literal[
     "contact",
     "hands_off",
+    "steady",
+    "smoothed",
     "paused",
     "no_learner",
     "assistance_off",
@@ -38,6 +40,7 @@ OFF_DEMONSTRATIONS = 0.4
 MOVED_BY_COMMAND = 0.15
 """Change of the expected path by the human's command past which the human points elsewhere, the same."""
 _UNSURE, _SURE = 0.5, 0.85  # Of the confidence.
+_STEADY = 0.75  # Of the human weight.
 _MOST_DEMONSTRATIONS = 48  # All pairs are compared.
 
 
@@ -96,7 +99,8 @@ def reason_for(
     """Returns the one reason that explains the division of control best.
 
     Args:
-        values: Columns of the log at this step: contact, confidence, and moved_by_command if there is one.
+        values: Columns of the log at this step: contact, confidence, human_weight, and moved_by_command if
+            there is one.
         mode: Who drives in this trial: "shared", "human" or "agent".
         has_learner: Whether a learner was chosen.
         arbitration: Name of the arbiter.
@@ -115,6 +119,9 @@ def reason_for(
         return "agent_alone"
     if let_go == "hands_off":
         return "hands_off"
+    if arbitration == "fusion":
+        # It has no use for the confidence.
+        return "steady" if values["human_weight"] >= _STEADY else "smoothed"
     confidence = values["confidence"]
     if math.isnan(confidence):
         return "no_prediction"

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from drake_shared.arbitration.authority import Authority
 from drake_shared.arbitration.feedback import Feedback
 from drake_shared.cockpit.messages import Setup
 from drake_shared.common.errors import InputError
@@ -14,7 +15,7 @@ from drake_shared.common.files import created_once, models_directory, numbered
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners import Learner, load_learner, save_learner, train
 from drake_shared.scenario import Scenario, clearance_scorer, load_scenario
-from drake_shared.simulation.config import SharedControlConfig, config_for
+from drake_shared.simulation.config import SharedControlConfig, blend_for, config_for
 from drake_shared.simulation.teaching import demonstration_of
 from drake_shared.simulation.trial import Trial
 from drake_shared.systems.arbiters import arbiter_names
@@ -93,7 +94,7 @@ class TrialChoices:
                 # The learner of another scenario is of no use; one that ships for the new one is.
                 name = next(iter(self._names_for(scenario)), None)
             learner = self._find_learner(name)
-            config = self._changed_config(learner, setup)
+            config = self._changed_config(scenario, learner, setup)
             route = setup.route if setup.route in {item.name for item in scenario.routes} else None
         except InputError as error:
             self.error = str(error)
@@ -116,7 +117,7 @@ class TrialChoices:
             learner = load_learner(_save_new(learner, folder, f"{self.scenario.name}_{len(items)}_drives"))
         self.learner = learner
         self._learner_name = self._add_learner(learner)
-        self.config = config_for(learner.preset, feedback=self._feedback)
+        self.config = dataclasses.replace(_default_config(self.scenario, learner), feedback=self._feedback)
         return learner
 
     def describe(self, *, usable_drives: int) -> dict[str, Any]:
@@ -145,7 +146,7 @@ class TrialChoices:
 
     @property
     def _arbitration(self) -> str:
-        return "blend" if self.config is None else self.config.arbitration
+        return (self.config or _default_config(self.scenario, self.learner)).arbitration
 
     @property
     def _gain(self) -> float | None:
@@ -158,17 +159,23 @@ class TrialChoices:
     def _chosen(self) -> tuple[Any, ...]:
         return self.scenario.name, self._learner_name, self._arbitration, self._gain, self._feedback
 
-    def _changed_config(self, learner: Learner | None, setup: Setup) -> SharedControlConfig:
-        base = self.config or config_for(None if learner is None else learner.preset)
+    def _changed_config(
+        self, scenario: Scenario, learner: Learner | None, setup: Setup
+    ) -> SharedControlConfig:
+        base, arbitration = self.config, setup.arbitration
+        if base is None or type(scenario.robot) is not type(self.scenario.robot):
+            base = _default_config(scenario, learner)
+            if arbitration == self._arbitration:
+                # Not chosen for this robot.
+                arbitration = base.arbitration
         feedback = Feedback(rumble=setup.rumble, tone=setup.tone, resistance=setup.resistance)
         changes: dict[str, Any] = {"confidence_gain": setup.confidence_gain, "feedback": feedback}
-        if setup.arbitration != base.arbitration:
-            fresh = config_for(None if learner is None else learner.preset)
-            authority = fresh.authority if setup.arbitration == "blend" else type(fresh.authority)()
+        if arbitration != base.arbitration:
+            blend = blend_for(None if learner is None else learner.preset)
             changes |= {
-                "arbitration": setup.arbitration,
+                "arbitration": arbitration,
                 "arbitration_options": {},
-                "authority": authority,
+                "authority": blend.authority if arbitration == blend.arbitration else Authority(),
             }
         return dataclasses.replace(base, **changes)
 
@@ -195,6 +202,10 @@ class TrialChoices:
         name = Path(learner.metadata.get("file") or learner.name).stem
         self._learners[name] = learner
         return name
+
+
+def _default_config(scenario: Scenario, learner: Learner | None) -> SharedControlConfig:
+    return config_for(None if learner is None else learner.preset, scenario.robot)
 
 
 def _save_new(learner: Learner, folder: Path, name: str) -> Path:

@@ -13,7 +13,7 @@ from drake_shared.demonstrations import Demonstration, Demonstrations
 from drake_shared.learners import Learner
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.scenario import Scenario, clearance_scorer, load_scenario
-from drake_shared.simulation.config import SharedControlConfig, config_for
+from drake_shared.simulation.config import SharedControlConfig, blend_for
 from drake_shared.simulation.lockstep.engine import Lockstep
 from drake_shared.simulation.lockstep.support import unsupported
 from drake_shared.simulation.teaching import demonstration_of
@@ -60,7 +60,7 @@ def run_all(
     if not settings:
         return iter(())
     preset = next((learner.preset for learner in learners if learner is not None), None)
-    return run_in(simulation_of(scenario, config or config_for(preset)), learners, settings)
+    return run_in(simulation_of(scenario, config or blend_for(preset)), learners, settings)
 
 
 def run_in(
@@ -114,7 +114,7 @@ def demonstrate(scenario: str | None, teaching: Sequence[Teaching]) -> list[list
     world = scenario_of(scenario)
     score = clearance_scorer(world)
     presets = {one.learner.preset for one in teaching if one.learner is not None}
-    config = config_for(max(presets, default=None), end="duration")
+    config = blend_for(max(presets, default=None), end="duration")
     counts = [len(world.routes) if one.count is None else one.count for one in teaching]
     waiting = [(index, drive) for index, count in enumerate(counts) for drive in range(count)]
     made: dict[tuple[int, int], Demonstration] = {}

@@ -21,7 +21,7 @@ from drake_shared.experiments.report import remove_report, write_report
 from drake_shared.experiments.section import Rows, Section
 from drake_shared.experiments.text import paragraphs
 from drake_shared.scenario.files import scene_set, scene_set_file
-from drake_shared.simulation.config import SharedControlConfig
+from drake_shared.simulation.config import config_for
 from drake_shared.simulation.runner import JsonStore, Progress, Task, run_tasks
 from drake_shared.simulation.runner.identity import identity
 from drake_shared.systems.arbiters import arbiter_names
@@ -193,7 +193,7 @@ def report(rows: Rows, tuned: Sequence[Mapping[str, Any]] = ()) -> Section:
 def claims(rows: Rows) -> list[Claim]:
     """Intent success by case: each arbiter against the human alone, and the default one against others."""
     names = [name for name in dict.fromkeys(row["arbiter"] for row in rows) if name not in (HUMAN, AGENT)]
-    default = SharedControlConfig().arbitration
+    default = config_for("default").arbitration
     pairs = [(name, HUMAN) for name in names]
     pairs += [(default, name) for name in names if name != default and default in names]
     questions = [

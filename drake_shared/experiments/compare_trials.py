@@ -19,7 +19,7 @@ from drake_shared.experiments.training import studied
 from drake_shared.learners import Learner
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.operators.named import OPERATORS, changes_of_route
-from drake_shared.simulation.config import SharedControlConfig
+from drake_shared.simulation.config import SharedControlConfig, config_for
 from drake_shared.simulation.trial import Simulation, TrialSettings
 
 HUMAN, AGENT = "human", "agent"
@@ -53,10 +53,8 @@ MEASURES = (
 
 
 def config_of(arbiter: str) -> SharedControlConfig:
-    """The default config with an arbiter, which may have options as on the command line."""
-    if arbiter in (HUMAN, AGENT):
-        return SharedControlConfig(driver="human" if arbiter == HUMAN else "agent")
-    return SharedControlConfig(arbitration=arbiter)
+    """The default config, with its safety filter, and an arbiter with options as on the command line."""
+    return config_for("default", arbitration=arbiter)
 
 
 @functools.lru_cache(maxsize=4)

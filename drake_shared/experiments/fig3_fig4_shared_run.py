@@ -58,7 +58,7 @@ from drake_shared.experiments.training import (
     training_cost,
 )
 from drake_shared.learners import Learner
-from drake_shared.simulation.config import config_for
+from drake_shared.simulation.config import blend_for
 from drake_shared.simulation.runner import Task
 from drake_shared.simulation.trial import Trial, TrialSettings
 
@@ -165,7 +165,7 @@ def _shown(scenario: str | None, learner: Learner, trial: Trial, part: Ambiguity
 
 def _intentions(scenario: str | None, learner: Learner, trial: Trial) -> list[dict[str, Any]]:
     """The predicted paths at some moments, from a repetition of the trial."""
-    simulation = simulation_of(scenario, config_for(learner.preset))
+    simulation = simulation_of(scenario, blend_for(learner.preset))
     settings = TrialSettings(route=trial.metadata["route"], seed=trial.metadata["seed"])
     running = simulation.begin(settings, learner=learner)
     estimator = simulation.parts.estimator

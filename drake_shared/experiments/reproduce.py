@@ -14,7 +14,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.experiments.common import scenario_of, simulation_of
 from drake_shared.experiments.report import remove_report, write_report
 from drake_shared.experiments.section import Experiment, PlannedTask, Section, Size
-from drake_shared.simulation.config import config_for
+from drake_shared.simulation.config import blend_for
 from drake_shared.simulation.runner import JsonStore, Progress, read_results, run_tasks
 from drake_shared.simulation.runner.executors import executor
 from drake_shared.simulation.runner.identity import identity
@@ -147,7 +147,7 @@ def _remaining(planned: Iterable[PlannedTask], store: JsonStore) -> float:
 
 def _slowness(scenario: str | None) -> float:
     """How much slower this machine is at present than the one on which the costs were measured."""
-    simulation = simulation_of(scenario, config_for(None))
+    simulation = simulation_of(scenario, blend_for(None))
     settings = TrialSettings(route=scenario_of(scenario).routes[0].name)
     simulation.run(settings)
     start = time.perf_counter()

@@ -15,13 +15,15 @@ from drake_shared.arbitration.feedback import Feedback
 from drake_shared.common.errors import InputError
 from drake_shared.common.suggestions import did_you_mean
 from drake_shared.common.yaml_document import parse_yaml, read_yaml, value_of
-from drake_shared.robots import Arm, Robot
+from drake_shared.robots import Arm, DiffDrive, Robot
 from drake_shared.simulation.faults import Faults
 
 ENDS = ("reached", "duration")
 LEAST_CLEARANCE, MOST_CLEARANCE = 0.001, 1.0
 """Range of the clearance that a safety filter can keep, in [m]."""
 _BLEND = "blend"
+_CLEARANCES: Mapping[type, float] = {DiffDrive: 0.03 / 0.267, Arm: 0.015 / 0.09}
+"""What the safety filter keeps by default, as a share of the robot's characteristic length."""
 
 T = TypeVar("T")
 
@@ -121,12 +123,31 @@ class SharedControlConfig:
         object.__setattr__(self, "arbitration", name)
 
 
-def config_for(preset: str | None, **changes: Any) -> SharedControlConfig:
+def config_for(preset: str | None, robot: Robot | None = None, **changes: Any) -> SharedControlConfig:
     """The config that goes with learners of a preset, where none is given.
 
     Args:
+        preset: "default" gives what serves drivers best: with a differential drive posterior fusion and the
+            safety filter, with an arm the blend and the safety filter. Other ones give `blend_for`.
+        robot: The Pioneer if None.
+        changes: Fields that differ.
+    """
+    robot = robot or DiffDrive()
+    if preset == "default":
+        if isinstance(robot, DiffDrive):
+            changes = {"arbitration": "fusion", **changes}
+        for kind, share in _CLEARANCES.items():
+            if isinstance(robot, kind):
+                changes = {"safety_clearance": round(share * robot.characteristic_length, 6), **changes}
+    return blend_for(preset, **changes)
+
+
+def blend_for(preset: str | None, **changes: Any) -> SharedControlConfig:
+    """The blend by confidence, as it suits learners of a preset.
+
+    Args:
         preset: "paper" gives eq. (2) alone, without authority or path repair, as in the paper; any other one
-            the defaults. None (no learner) has neither, since there is no agent.
+            has both. None (no learner) has neither, since there is no agent.
         changes: Fields that differ.
     """
     if preset in (None, "paper"):

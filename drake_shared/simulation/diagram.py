@@ -26,11 +26,11 @@ def AddSharedControl(
     if unknown := sorted(set(systems) - set(Systems.__annotations__)):
         raise TypeError(f"AddSharedControl has no argument {unknown[0]!r}")
     learner = systems.get("learner")
-    config = config or config_for(None if learner is None else learner.preset)
+    robot = systems.get("robot") or scenario.robot
+    config = config or config_for(None if learner is None else learner.preset, robot)
     config.faults.check_duration(scenario.duration)
     if builder.HasSubsystemNamed(f"{prefix}operator"):
         raise InputError("prefix", "", "must differ from that of the other loop in the builder", repr(prefix))
-    robot = systems.get("robot") or scenario.robot
     return Wiring(builder, scenario, config_for_robot(config, robot), robot, prefix).wire(systems)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context
 
-from drake_shared.arbitration.fusion import Fusion
+from drake_shared.arbitration.fusion import STILL, Fusion
 from drake_shared.arbitration.fusion_model import FusionModel
 from drake_shared.arbitration.routes import Routes
 from drake_shared.common.errors import InputError
@@ -90,6 +90,11 @@ class PosteriorFusion(RouteArbiter):
     def MakeRouteRule(self, routes: Routes) -> Fusion:
         """The fusion with ``routes``."""
         return Fusion(self._model, routes, scenario=self.scenario, robot=self.drive, period=self.period)
+
+    def release_reason(self, context: Context) -> str | None:
+        """ "hands_off" while there is no command: the robot stands still."""
+        command = self.GetInputPort("human_command").Eval(context)
+        return None if np.abs(command).max() > STILL else "hands_off"
 
     def GetRouteProbability(self, context: Context) -> NDArray[np.float64]:
         """Probability (K + J + 1,) after this step's command of each route, each goal and none of them."""

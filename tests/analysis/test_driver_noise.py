@@ -111,13 +111,13 @@ def test_a_person_of_earlier_logs_starts_the_next_trials(steady, noisy, tmp_path
     assert person == person_of(steady, ["one", "two"])[0]
     assert f"{logs[2]} is left out" in capfd.readouterr().err
     out = tmp_path / "out"
-    command = ["simulate", "--arbitration", "fusion", "--person", str(file), "--out", str(out)]
+    command = ["simulate", "--person", str(file), "--out", str(out)]
     assert main(command) == 0
     (log,) = out.glob("*.parquet")
     kept = read_log(log).metadata["arbitration"]["configuration"]["noise_prior"]
     np.testing.assert_allclose(kept, person.probability, rtol=1e-3)
     capfd.readouterr()
-    assert main(["simulate", "--person", str(file)]) == 2
+    assert main(["simulate", "--arbitration", "blend", "--person", str(file)]) == 2
     write_person(dataclasses.replace(person, robot={"type": "Another"}), file)
-    assert main(["simulate", "--arbitration", "fusion", "--person", str(file)]) == 2
+    assert main(["simulate", "--person", str(file)]) == 2
     assert capfd.readouterr().err.count("\n") == 2

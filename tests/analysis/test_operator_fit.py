@@ -11,6 +11,7 @@ from drake_shared.common.errors import InputError
 from drake_shared.learners import load_learner
 from drake_shared.operators.behaviour import Behaviour
 from drake_shared.scenario import load_scenario
+from drake_shared.simulation.config import blend_for
 from drake_shared.simulation.lockstep.engine import Lockstep
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 
@@ -20,7 +21,9 @@ MODEL = Path(__file__).parents[2] / "models" / "learners" / "two_obstacles_defau
 
 @pytest.fixture(scope="module")
 def simulation() -> Simulation:
-    return Simulation(load_scenario("two_obstacles"), learner=load_learner(MODEL))
+    return Simulation(
+        load_scenario("two_obstacles"), learner=load_learner(MODEL), config=blend_for("default")
+    )
 
 
 def drives(simulation: Simulation, *, mode: str = "human", count: int = COUNT, seed: int = 0, **behaviour):

@@ -45,7 +45,9 @@ def test_shared_control_does_not_harm_operators_with_another_pace(simulation, sc
         )
         rows = [metrics(trial) for trial in trials]
         outcomes[mode] = [(row["intent_success"], row["collision"]) for row in rows]
-    assert outcomes["shared"] == outcomes["human"]
+    for alone, shared in zip(outcomes["human"], outcomes["shared"], strict=True):
+        assert shared[0] >= alone[0]
+        assert shared[1] <= alone[1]
     assert sum(succeeded for succeeded, _ in outcomes["human"]) >= 2
 
 

@@ -20,36 +20,40 @@ def control(*arguments: str) -> SharedControlConfig:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "config"),
+    ("arguments", "fields"),
     [
-        ((), SharedControlConfig()),
-        (("--driver", "human"), SharedControlConfig(driver="human")),
-        (("--arbitration", "agent"), SharedControlConfig(driver="agent")),
+        ((), {}),
+        (("--driver", "human"), {"driver": "human"}),
+        (("--arbitration", "agent"), {"arbitration": "agent"}),
         (
             ("--arbitration", "traded:threshold=0.6"),
-            SharedControlConfig(arbitration="traded", arbitration_options={"threshold": 0.6}),
+            {"arbitration": "traded", "arbitration_options": {"threshold": 0.6}},
         ),
         (
             ("--authority.floor", "0.3", "--authority.conflict-time", "None"),
-            SharedControlConfig(authority=Authority(floor=0.3, conflict_time=None)),
+            {"arbitration": "blend", "authority": Authority(floor=0.3, conflict_time=None)},
         ),
-        (("--authority.enabled", "False"), SharedControlConfig(authority=Authority(enabled=False))),
-        (("--faults.delay", "0.2"), SharedControlConfig(faults=Faults(delay=0.2))),
+        (
+            ("--authority.enabled", "False"),
+            {"arbitration": "blend", "authority": Authority(enabled=False)},
+        ),
+        (("--confidence-gain", "40"), {"arbitration": "blend", "confidence_gain": 40.0}),
+        (("--faults.delay", "0.2"), {"faults": Faults(delay=0.2)}),
         (
             ("--safety-clearance", "0.05", "--look-ahead", "0.8", "--end", "duration"),
-            SharedControlConfig(safety_clearance=0.05, look_ahead=0.8, end="duration"),
+            {"arbitration": "blend", "safety_clearance": 0.05, "look_ahead": 0.8, "end": "duration"},
         ),
     ],
 )
-def test_every_field_of_the_config_is_an_option(arguments, config):
-    assert control(*arguments) == config
+def test_every_field_of_the_config_is_an_option(arguments, fields):
+    assert control(*arguments) == config_for("default", **fields)
 
 
 @pytest.mark.parametrize("command", ["drive", "teach --out x", "simulate", "evaluate"])
 def test_the_commands_that_run_trials_take_the_same_options(command):
     options = ["--arbitration", "halves", "--look-ahead", "0.8", "--faults.slip", "0.1"]
-    expected = SharedControlConfig(arbitration="halves", look_ahead=0.8, faults=Faults(slip=0.1))
-    assert parse([*command.split(), *options]).control == expected
+    control = parse([*command.split(), *options]).control
+    assert (control.arbitration, control.look_ahead, control.faults) == ("halves", 0.8, Faults(slip=0.1))
 
 
 @pytest.mark.parametrize(

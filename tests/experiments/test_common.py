@@ -16,7 +16,7 @@ from drake_shared.experiments.common import (
 from drake_shared.experiments.paired_trials import Condition, run_conditions, settings_of
 from drake_shared.learners import load_learner
 from drake_shared.operators.behaviour import Behaviour
-from drake_shared.simulation.config import SharedControlConfig, config_for
+from drake_shared.simulation.config import SharedControlConfig, blend_for
 from drake_shared.simulation.faults import Faults
 
 
@@ -26,7 +26,7 @@ def test_trials_are_those_of_the_diagram(config):
     learners = [learner, None, learner]
     settings = [settings_of(None, operator, 0, 1) for operator in ("primary", "primary", "switching")]
     trials = list(run_all(None, learners, settings, config=config))
-    simulation = simulation_of(None, config or config_for(learner.preset))
+    simulation = simulation_of(None, config or blend_for(learner.preset))
     for trial, given, taking_part in zip(trials, settings, learners, strict=True):
         expected = simulation.run(given, learner=taking_part)
         assert trial.status == expected.status

@@ -10,7 +10,14 @@ from drake_shared.arbitration.authority import Authority
 from drake_shared.common.errors import InputError
 from drake_shared.common.files import models_directory
 from drake_shared.learners import load_learner
-from drake_shared.simulation.config import SharedControlConfig, config_for, config_of_log, load_config
+from drake_shared.robots import Arm, DiffDrive
+from drake_shared.simulation.config import (
+    SharedControlConfig,
+    blend_for,
+    config_for,
+    config_of_log,
+    load_config,
+)
 from drake_shared.simulation.faults import Faults
 from drake_shared.simulation.trial import Simulation, TrialSettings, read_log, settings_of_log, write_log
 
@@ -37,10 +44,22 @@ def test_json_gives_an_equal_config_back(config):
     assert hash(again) == hash(config)
 
 
-def test_the_preset_paper_has_no_authority_and_every_other_one_the_default():
-    assert not config_for("paper").authority.enabled
-    assert config_for("default") == config_for("something") == SharedControlConfig()
-    assert config_for("paper", end="duration").end == "duration"
+def test_the_preset_paper_is_the_blend_alone_and_the_default_what_serves_drivers_best():
+    paper = config_for("paper", end="duration")
+    assert (paper.arbitration, paper.safety_clearance, paper.end) == ("blend", None, "duration")
+    assert not paper.authority.enabled
+    best = config_for("default")
+    assert best == config_for("default", DiffDrive())
+    assert (best.arbitration, best.safety_clearance) == ("fusion", 0.03)
+    assert config_for("default", arbitration="blend", safety_clearance=None) == SharedControlConfig()
+
+
+def test_the_default_suits_the_robot():
+    assert config_for("default", DiffDrive(footprint_radius=0.0267)).safety_clearance == pytest.approx(0.003)
+    arm = config_for("default", Arm())
+    assert (arm.arbitration, arm.safety_clearance) == ("blend", pytest.approx(0.015))
+    assert config_for("of my own") == SharedControlConfig()
+    assert config_for(None) == blend_for(None)
 
 
 @pytest.mark.parametrize(

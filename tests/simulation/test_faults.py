@@ -36,7 +36,7 @@ def sound(run):
 
 
 def test_without_faults_there_are_no_more_systems_and_the_same_bits(scenario, learner, sound):
-    plain = Simulation(scenario, learner=learner)
+    plain = Simulation(scenario, learner=learner, config=SharedControlConfig())
     none = Simulation(scenario, learner=learner, config=SharedControlConfig(faults=Faults(), end="duration"))
     names = [[item.get_name() for item in each.diagram.GetSystems()] for each in (plain, none)]
     assert names[0] == names[1]

@@ -35,11 +35,11 @@ def scaled(scenario: Scenario, scale: float) -> Scenario:
 class ScaledLearner:
     """A learner of the task at another scale."""
 
-    def __init__(self, learner, scale: float):
+    def __init__(self, learner, scale: float, preset: str):
         self._learner, self._scale = learner, scale
         self.name, self.preset, self.grid, self.duration = (
             learner.name,
-            learner.preset,
+            preset,
             learner.grid,
             learner.duration,
         )
@@ -58,15 +58,16 @@ def learner():
 
 
 @pytest.mark.parametrize("route", ["left_right", "left_left"])
-def test_the_human_weight_and_the_outcome_do_not_depend_on_the_scale(scenario, learner, route):
+@pytest.mark.parametrize("preset", ["default", "of my own"])
+def test_the_human_weight_and_the_outcome_do_not_depend_on_the_scale(scenario, learner, route, preset):
     settings = TrialSettings(seed=3, route=route)
-    reference = Simulation(scenario, learner=ScaledLearner(learner, 1.0)).run(settings)
+    reference = Simulation(scenario, learner=ScaledLearner(learner, 1.0, preset)).run(settings)
     assert reference.status == "reached"
-    assert reference["human_weight"].min() < 0.2
+    assert reference["human_weight"].min() < 0.5
     for scale in SCALES:
         large = scaled(scenario, scale)
         check_scenario(large)
-        trial = Simulation(large, learner=ScaledLearner(learner, scale)).run(settings)
+        trial = Simulation(large, learner=ScaledLearner(learner, scale, preset)).run(settings)
         assert trial.status == reference.status
         assert len(trial["t"]) == len(reference["t"])
         np.testing.assert_allclose(trial["human_weight"], reference["human_weight"], atol=0.02)

@@ -18,6 +18,14 @@ const REASONS = {
     "The driver points elsewhere than the agent, and drives alone.",
   ],
   fixed_share: ["Each has one half: this arbiter does not ask how sure the agent is.", "Each has one half: this arbiter does not ask how sure the agent is."],
+  steady: [
+    "Your commands are steady: the robot does what they say.",
+    "The driver's commands are steady: the robot does what they say.",
+  ],
+  smoothed: [
+    "Your commands waver: the agent keeps to the route that you seem to mean.",
+    "The driver's commands waver: the agent keeps to the route that they seem to mean.",
+  ],
   off_demonstrations: [
     "Not sure: nobody has driven here in the demonstrations.",
     "Not sure: nobody has driven here in the demonstrations.",

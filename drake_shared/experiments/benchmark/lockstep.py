@@ -9,7 +9,7 @@ from drake_shared.analysis.metrics import metrics
 from drake_shared.experiments.benchmark.common import Setup
 from drake_shared.experiments.benchmark.results import GroupResult, Ratio
 from drake_shared.experiments.benchmark.timing import Task, interleave, spread
-from drake_shared.simulation.config import config_for
+from drake_shared.simulation.config import blend_for
 from drake_shared.simulation.lockstep.engine import Lockstep
 from drake_shared.simulation.trial import Simulation, TrialSettings
 
@@ -33,7 +33,7 @@ def run(setup: Setup) -> GroupResult:
     """Runs the group."""
     scenario, learner = setup.scenario, setup.learner
     count, few, repeats = (60, 3, 2) if setup.quick else (1_000, 12, 5)
-    simulation = Simulation(scenario, learner=learner, config=config_for(learner.preset))
+    simulation = Simulation(scenario, learner=learner, config=blend_for(learner.preset))
     routes = [route.name for route in scenario.routes]
     settings = [TrialSettings(route=routes[seed % len(routes)], seed=seed) for seed in range(count)]
     engine = Lockstep(simulation)

@@ -9,7 +9,7 @@ from drake_shared.experiments.benchmark.results import GroupResult, Ratio, make_
 from drake_shared.experiments.benchmark.timing import Task, interleave, spread
 from drake_shared.learners import Learner
 from drake_shared.scenario import Scenario
-from drake_shared.simulation.config import config_for
+from drake_shared.simulation.config import blend_for
 from drake_shared.simulation.trial import Simulation, TrialSettings
 
 SHARED, HUMAN, IR_SIM = "drake_shared", "drake_shared, human alone", "IR-SIM"
@@ -25,7 +25,7 @@ _METHOD = (
 def whole_trials(scenario: Scenario, learner: Learner | None) -> Simulation:
     """Trials that last for the whole duration, so that all have the same number of steps."""
     preset = None if learner is None else learner.preset
-    return Simulation(scenario, learner=learner, config=config_for(preset, end="duration"))
+    return Simulation(scenario, learner=learner, config=blend_for(preset, end="duration"))
 
 
 def run(setup: Setup) -> GroupResult:
