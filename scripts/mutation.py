@@ -3,7 +3,8 @@
     scripts/mutate drake_shared/arbitration --tests tests/arbitration tests/systems/test_confidence_blender.py
 
 Each mutant changes one place of a module. It is killed if a test fails or takes much too long, and survives
-otherwise. Only those of the given test files run that import the changed module, directly or by another one.
+otherwise. Of the given test files only those run that are named after the changed module or its folder or,
+without such, those that import the module, directly or by another one.
 Results are appended to a file of JSON lines, so that a run that was stopped continues.
 """
 
@@ -13,6 +14,7 @@ import argparse
 import ast
 import concurrent.futures
 import difflib
+import functools
 import hashlib
 import itertools
 import json
@@ -125,6 +127,7 @@ def mutant_at(place: Place) -> Mutant | None:
     return Mutant(module, name.rpartition("/")[2], "\n".join(list(lines)[2:]), code)
 
 
+@functools.cache
 def _operators() -> dict[str, Operator]:
     """The operators by name."""
     return {**{name: get_operator(name)() for name in OPERATORS}, "TakeFirstArgument": TakeFirstArgument()}
@@ -188,12 +191,16 @@ def _pytest(folder: Path, tests: Sequence[str]) -> None:
 
 
 def tests_of(module: str, tests: list[str]) -> list[str]:
-    """The test files that import the module; if none does, those that import a module that imports it."""
+    """The test files named after the module or its folder; else those that import it, or what imports it."""
     files = [
         file.relative_to(ROOT)
         for path in map(Path, tests)
         for file in (sorted((ROOT / path).rglob("test_*.py")) if path.is_dir() else [ROOT / path])
     ]
+    *_, folder, name = Path(module).parts
+    named = (f"{folder}/test_{name}", f"/test_{folder}.py")
+    if own := [str(file) for file in files if str(file).endswith(named)]:
+        return own
     modules = {str(file.relative_to(ROOT)) for file in (ROOT / "drake_shared").rglob("*.py")}
     sought = {module}
     while not (found := [str(file) for file in files if _imports(str(file), sought)]):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,22 +15,6 @@ Floats = NDArray[np.float64]
 
 JOINED = 12
 """Predictions among which the one nearest to the robot is looked for."""
-
-_ARC_SHARES = np.linspace(0.0, 1.0, 7)
-
-
-def pursuit_arc(pose: Floats, target: Sequence[float]) -> Floats:
-    """Points (7, 2) of the arc from a pose to a target; a robot first turns to one behind it."""
-    x, y, yaw = pose
-    dx, dy = target[0] - x, target[1] - y
-    bearing = math.remainder(math.atan2(dy, dx) - yaw, math.tau)
-    if abs(bearing) > 0.5 * math.pi:
-        return pose[None, :2]
-    share = _ARC_SHARES
-    # A chord of an arc lies at half the angle that the direction has turned.
-    chord = math.hypot(dx, dy) / max(math.sin(abs(bearing)), 1e-9) * np.sin(share * max(abs(bearing), 1e-9))
-    direction = yaw + bearing * share
-    return np.stack([x + chord * np.cos(direction), y + chord * np.sin(direction)], axis=-1)
 
 
 def arc_lengths(paths: Floats) -> Floats:

@@ -13,8 +13,8 @@ from drake_shared.arbitration.path_geometry import (
     gap_between,
     joined,
     obstacle_distance,
-    pursuit_arc,
 )
+from drake_shared.common.elementwise import ARRAYS
 from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive, Robot, scaled_length
 from drake_shared.scenario import Scenario
@@ -32,6 +32,8 @@ _LEAD, _CHECKED = 8, 4
 _LEAD_SHARES = np.linspace(0.0, 1.0, _LEAD, endpoint=False)
 # Kept by the arc to the point that is followed, in [m]; and how far that point is held back, at most.
 _ARC_CLEARANCE = 0.04
+# Where the robot is looked at on that arc, in [s]: it drives it so slowly that no wheel is too fast.
+_ARC_TIMES = np.linspace(0.0, 1000.0, 7)
 _SHARES = (1.0, 0.75, 0.55, 0.4, 0.25, 0.12, 0.0)
 _ROUNDS, _MARCHES = 4, 12
 
@@ -60,7 +62,7 @@ class PathRepair:
         self._obstacles = scenario.obstacles
         self._radius = robot.footprint_radius
         self._least = scaled_length(robot, _LEAST)
-        self._fastest = robot.max_speed
+        self._robot = robot
         space = scenario.workspace
         self._corners = np.array([[space.x_min, space.y_min], [space.x_max, space.y_max]])
         self._margins = [self._margin_of(item, scaled_length(robot, _MARGIN)) for item in self._obstacles]
@@ -88,7 +90,7 @@ class PathRepair:
         aside = self._moved_aside(whole, shifts)
         ends = self._ends(aside, whole, shifts)
         arcs, ahead = arc_lengths(aside), times[rows] - since
-        possible = self._fastest * np.maximum(ahead, 0.0)
+        possible = self._robot.max_speed * np.maximum(ahead, 0.0)
         wanted = np.minimum(arcs[:, _LEAD:], arcs[np.arange(len(rows)), ends][:, None])
         wanted = possible + np.minimum(np.minimum.accumulate(wanted - possible, axis=1), 0.0)
         repaired = paths.copy()
@@ -166,7 +168,7 @@ class PathRepair:
             ramp = max(_RAMP * offset, 1e-6)
             # numpy.clip takes several times as long.
             up = np.minimum(np.maximum((arc - (arc[first] - ramp)) / ramp, 0.0), 1.0)
-            down = np.minimum(np.maximum((arc[after] + ramp - arc) / ramp, 0.0), 1.0)
+            down = np.maximum((arc[after] + ramp - arc) / ramp, 0.0)
             # A ramp that would begin behind the robot begins at it.
             behind = 0.5 - 0.5 * math.cos(math.pi * float(up[0]))
             share = 0.5 - 0.5 * np.cos(math.pi * np.minimum(up, down))
@@ -194,7 +196,8 @@ class PathRepair:
         reach = float(np.interp(self._look_ahead, ahead, wanted))
         for share in _SHARES:
             target = [np.interp(share * reach, arc, axis) for axis in points.T]
-            along = pursuit_arc(pose, target)
+            command = self._robot.command_toward(pose, target, _ARC_TIMES[-1])
+            along = np.stack(self._robot.rollout(pose, command, _ARC_TIMES, ARRAYS), axis=-1)
             gaps = [
                 obstacle_distance(
                     item, along[None] - displacements(item, soon[None]) if item.path else along[None]
@@ -204,9 +207,7 @@ class PathRepair:
             least = [np.minimum(self._radius + self._arc_clearance, gap[0, 0]) for gap in gaps]
             if all((gap[0] >= low - 1e-9).all() for gap, low in zip(gaps, least, strict=True)):
                 break
-        if share == 1.0:
-            return wanted
-        later = self._fastest * np.maximum(ahead - self._look_ahead, 0.0)
+        later = self._robot.max_speed * np.maximum(ahead - self._look_ahead, 0.0)
         held: Floats = np.minimum(wanted, share * reach + later)
         return held
 

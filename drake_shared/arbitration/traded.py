@@ -29,7 +29,7 @@ class Traded:
 
     threshold: float
     margin: float
-    least_clearance: float = 0.0
+    least_clearance: float
 
     def initial_state(self, count: int) -> State:
         """See `ArbitrationRule`; the human drives first."""

@@ -101,7 +101,7 @@ class DiffDrive:
         return abs(self.twist(*command)[0])
 
     def rollout(
-        self, configuration: Reals, command: Reals, horizon: float, xp: Elementwise = FLOATS
+        self, configuration: Reals, command: Reals, horizon: Real, xp: Elementwise = FLOATS
     ) -> tuple[Real, Real]:
         """Position (x, y), in [m], at the end of the arc that ``command`` drives in ``horizon`` s."""
         x, y, yaw = configuration

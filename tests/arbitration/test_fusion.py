@@ -1,5 +1,7 @@
 """Posterior fusion against a posterior on a grid, and what its command is made of."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -58,11 +60,14 @@ def drive():
 @pytest.mark.parametrize("noises", [(0.5,), (0.1, 0.6, 1.3)])
 def test_the_posterior_is_that_on_the_grid_of_destinations_and_noises(drive, noises):
     model = FusionModel(**{**FIXED.__dict__, "noises": noises, "noise_times": (0.25, 1.0)})
-    commands, _ = drive
-    state, expected = observe(fusion_with(model), *drive)
+    commands, poses = drive
+    routes = dataclasses.replace(ROUTES, demonstrated=np.arange(COUNT - 1) == 1)
+    fusion = Fusion(model, routes, scenario=SCENARIO, robot=SCENARIO.robot, period=PERIOD)
+    state, expected = observe(fusion, *drive)
     pairs = [(noise, time) for noise in noises for time in (0.25, 1.0)]
-    log = np.zeros((COUNT + 1, len(pairs)))
+    log, share = np.zeros((2, COUNT + 1, len(pairs)))
     meant = [(model.meant_planned, model.meant_planned_rate)] * COUNT + [(model.none_turn, model.none_rate)]
+    meant[1] = (model.meant, model.meant_rate)  # The route that was demonstrated.
     turn, speed = 0.5 * (commands[:, 1] - commands[:, 0]), 0.5 * commands.sum(axis=1)
     for pair, (noise, time) in enumerate(pairs):
         for row, kind in enumerate([*meant, (model.speed, model.speed_rate)]):
@@ -70,15 +75,37 @@ def test_the_posterior_is_that_on_the_grid_of_destinations_and_noises(drive, noi
             filters = CommandFilters(
                 [kind], np.array([noise / 2**0.5]), np.array([time]), period=PERIOD, tail=4.0
             )
+            if row <= COUNT:
+                share[row, pair] = filters.share.item()
             own = filters.initial_state(1)
             for step in range(len(turn)):
                 given = speed if row == COUNT + 1 else turn
                 value = np.array([[given[step] - expected[step, row]]])
                 own, score, *_ = filters.step(own, value, np.ones(1, bool))
                 log[slice(None) if row == COUNT + 1 else row, pair] += score.item()
-    prior = np.append(np.full(COUNT, (1.0 - model.prior_none) / COUNT), model.prior_none)
+    known = np.where(np.arange(COUNT) == 1, 1.0, model.prior_planned)
+    prior = np.append(known * (1.0 - model.prior_none) / known.sum(), model.prior_none)
+    np.testing.assert_allclose(fusion.route_probability(fusion.initial_state(1))[:, 0], prior)
     odds = prior[:, None] * np.exp(log - log.max())
     np.testing.assert_allclose(state["probability"][..., 0], odds / odds.sum(), rtol=1e-6, atol=1e-9)
+    before, _ = observe(fusion, commands[:-1], poses[:-1])
+    weight, _, _ = fusion.step(before, inputs_of(poses[-1][:, None], commands[-1][:, None]))
+    assert weight.item() == pytest.approx((odds / odds.sum() * share).sum())
+
+
+def test_what_is_known_of_a_driver_who_does_nothing_fades_at_the_rates_of_the_model(drive):
+    model = FusionModel(blocked_time=1e9, noise_times=(0.25,))
+    fusion = fusion_with(model)
+    state, _ = observe(fusion, *drive)
+    route, noise = fusion.route_probability(state)[:, 0], fusion.noise_probability(state)[:, 0]
+    steps = 7
+    for _ in range(steps):
+        _, _, state = fusion.step(state, inputs_of(np.zeros((3, 1)), np.zeros((2, 1))))
+    anew = np.append(np.full(COUNT, (1.0 - model.switching_to_none) / COUNT), model.switching_to_none)
+    kept = (1.0 - model.switching * PERIOD) ** steps
+    np.testing.assert_allclose(fusion.route_probability(state)[:, 0], anew + kept * (route - anew))
+    kept, anybody = (1.0 - model.drifting * PERIOD) ** steps, 1.0 / len(model.noises)
+    np.testing.assert_allclose(fusion.noise_probability(state)[:, 0], anybody + kept * (noise - anybody))
 
 
 def test_a_driver_on_a_route_is_found_and_the_noise_is_known_with_its_uncertainty():

@@ -138,12 +138,27 @@ def test_an_obstacle_that_came_and_stands_is_like_one_that_always_stood():
     assert path == pytest.approx(repair(world(pillar), straight(0.2), pose=pose)[0])
 
 
-def test_a_robot_that_faces_an_obstacle_turns_before_it_drives():
+@pytest.mark.parametrize(
+    ("pose", "drives"), [((0.1, 0.0, 0.0), False), ((0.0, 0.0, 0.0), True), ((0.0, 0.0, 0.5), True)]
+)
+def test_a_robot_that_faces_an_obstacle_is_not_led_against_it(pose, drives):
+    # The path begins beside the robot, at which it arrives on an arc: at first straight toward the obstacle.
     scenario = world(Circle(name="pillar", x=0.7, y=0.0, radius=0.3))
-    far, _ = repair(scenario, straight(0.2), pose=(0.0, 0.0, 1.2))
-    near, _ = repair(scenario, straight(0.2), pose=(0.1, 0.0, 0.0))
-    at = int(LOOK_AHEAD / 0.1) - 1
-    assert np.hypot(*(near[at] - (0.1, 0.0))) < np.hypot(*(far[at] - (0.0, 0.0)))
+    path, _ = repair(scenario, straight(0.2), pose=pose)
+    target = path[round(LOOK_AHEAD / 0.1) - 1]
+    command = scenario.robot.command_toward(pose, target, LOOK_AHEAD)
+    arc = [scenario.robot.rollout(pose, command, time) for time in np.linspace(0.0, LOOK_AHEAD, 13)]
+    gaps = PlanarDistance(scenario.obstacles).least(*np.array(arc).T) - scenario.robot.footprint_radius
+    assert gaps.min() >= min(gaps[0], 0.03) - 1e-9
+    assert (np.hypot(*(target - pose[:2])) > 0.1) == drives
+
+
+def test_a_path_that_begins_beyond_an_obstacle_does_not_jump_over_it():
+    # The cart stands between the robot and its path only now.
+    cart = Circle(name="cart", x=0.0, y=0.9, radius=0.1, path=[[0.0, 0.0, 0.9], [3.0, -0.9, -2.5]])
+    path, moved = repair(world(cart), straight(1.8), pose=(0.0, 0.0, 1.6))
+    assert moved.any()
+    assert np.hypot(*path[0]) <= 0.1 * world(cart).robot.max_speed + 1e-9
 
 
 def test_rows_do_not_depend_on_each_other():

@@ -29,7 +29,10 @@ def weight_of(rule, *, confidence, agent, clearance=math.inf, autonomous=1.0):
     [(0.65, False, 0.0), (0.6, False, 1.0), (0.6, True, 0.0), (0.55, True, 1.0), (math.nan, True, 1.0)],
 )
 def test_traded_control_has_hysteresis(confidence, agent, weight):
-    assert weight_of(Traded(threshold=0.6, margin=0.04), confidence=confidence, agent=agent) == weight
+    assert (
+        weight_of(Traded(threshold=0.6, margin=0.04, least_clearance=0.0), confidence=confidence, agent=agent)
+        == weight
+    )
 
 
 @pytest.mark.parametrize("agent", [False, True])
@@ -40,7 +43,7 @@ def test_near_an_obstacle_the_human_drives_however_sure_the_agent_is(agent):
 
 
 def test_an_agent_without_a_command_does_not_drive_in_the_next_step():
-    rule = Traded(threshold=0.5, margin=0.05)
+    rule = Traded(threshold=0.5, margin=0.05, least_clearance=0.0)
     assert weight_of(rule, confidence=1.0, agent=True, autonomous=math.nan) == 1.0
 
 
