@@ -28,6 +28,29 @@ def test_one_observation_determines_the_direction(fan):
     assert (variance[:, 1] < 0.1 * before[:, 1]).all()
 
 
+def test_without_observations_the_prediction_is_the_mean_and_the_spread_of_the_demonstrations(fan):
+    mean, variance = fan.predict([], np.zeros((0, 2)), [4.0, 10.0])
+    np.testing.assert_allclose(mean, [[1.2, 0.0], [3.0, 0.0]], atol=0.01)
+    spread = np.linspace(-0.5, 0.5, 20).std() * np.array([1.2, 3.0])
+    np.testing.assert_allclose(variance[:, 1], spread**2 + fan.floor**2, rtol=0.02)
+    np.testing.assert_allclose(variance[:, 0], fan.floor**2, rtol=0.02)
+    wide = fan.scaled(2.0)
+    np.testing.assert_allclose(wide.predict([], np.zeros((0, 2)), [4.0, 10.0]), (mean, 4.0 * variance))
+    # Conditioning stays as it is.
+    at = ([5.0], [[1.5, 0.2]], [6.0])
+    np.testing.assert_allclose(wide.predict(*at)[0], fan.predict(*at)[0])
+    assert (wide.confidence_gain, fan.scaled(2.0, confidence_gain=7.0).confidence_gain) == (
+        fan.confidence_gain,
+        7.0,
+    )
+
+
+def test_an_observed_position_is_known_up_to_its_noise(fan):
+    mean, variance = fan.predict([5.0], [[1.5, 0.6]], [5.0])
+    np.testing.assert_allclose(mean, [[1.5, 0.6]], atol=2.0 * fan.noise)
+    assert variance[0, 1] - fan.floor**2 == pytest.approx(fan.noise**2, rel=0.3)
+
+
 def test_round_trip_gives_the_same_bits(fan, tmp_path):
     save_learner(fan, tmp_path / "p")
     again = load_learner(tmp_path / "p")
