@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 Reason = Literal[
     "contact",
+    "kept_away",
     "hands_off",
     "steady",
     "smoothed",
@@ -41,6 +42,7 @@ MOVED_BY_COMMAND = 0.15
 """Change of the expected path by the human's command past which the human points elsewhere, the same."""
 _UNSURE, _SURE = 0.5, 0.85  # Of the confidence.
 _STEADY = 0.75  # Of the human weight.
+_KEPT_AWAY = 0.2  # Of the shared command: what the safety filter changes.
 _MOST_DEMONSTRATIONS = 48  # All pairs are compared.
 
 
@@ -99,8 +101,8 @@ def reason_for(
     """Returns the one reason that explains the division of control best.
 
     Args:
-        values: Columns of the log at this step: contact, confidence, human_weight, and moved_by_command if
-            there is one.
+        values: Columns of the log at this step: contact, confidence, human_weight, the shared command, and,
+            if there are such, that of the safety filter and moved_by_command.
         mode: Who drives in this trial: "shared", "human" or "agent".
         has_learner: Whether a learner was chosen.
         arbitration: Name of the arbiter.
@@ -113,6 +115,8 @@ def reason_for(
         return "paused"
     if values.get("contact", 0.0) > 0.5:
         return "contact"
+    if _is_kept_away(values):
+        return "kept_away"
     if mode == "human":
         return "assistance_off" if has_learner else "no_learner"
     if mode == "agent":
@@ -138,3 +142,10 @@ def reason_for(
     if surroundings is not None and surroundings.open_routes > 1:
         return "routes_open"
     return "unsure"
+
+
+def _is_kept_away(values: Mapping[str, float]) -> bool:
+    """Whether the safety filter changes the shared command by much."""
+    safe = {name.removeprefix("safe_"): value for name, value in values.items() if name.startswith("safe_")}
+    changed = math.hypot(*(values[f"shared_{name}"] - value for name, value in safe.items()))
+    return changed > _KEPT_AWAY * math.hypot(*(values[f"shared_{name}"] for name in safe))

@@ -8,6 +8,7 @@ import pytest
 from drake_shared.cockpit.reasons import DemonstratedRoutes, Surroundings, reason_for
 
 SURE, HELPFUL, UNSURE = {"confidence": 0.95}, {"confidence": 0.6}, {"confidence": 0.1}
+AT_AN_OBSTACLE = {"shared_left": 6.0, "shared_right": 6.0, "safe_left": 0.5, "safe_right": 0.5}
 ON_A_FORK = Surroundings(open_routes=2, distance=0.02)
 ON_ONE_ROUTE = Surroundings(open_routes=1, distance=0.02)
 FAR_AWAY = Surroundings(open_routes=0, distance=0.9)
@@ -24,6 +25,9 @@ def reason(values=SURE, *, mode="shared", has_learner=True, **options):
         ("follows_you", {"values": HELPFUL}),
         ("paused", {"paused": True}),
         ("contact", {"values": SURE | {"contact": 1.0}}),
+        ("kept_away", {"values": SURE | AT_AN_OBSTACLE}),
+        ("kept_away", {"values": SURE | AT_AN_OBSTACLE, "mode": "human"}),
+        ("sure", {"values": SURE | AT_AN_OBSTACLE | {"safe_left": 5.9, "safe_right": 6.0}}),
         ("no_learner", {"mode": "human", "has_learner": False}),
         ("assistance_off", {"mode": "human"}),
         ("agent_alone", {"mode": "agent"}),

@@ -4,6 +4,10 @@
 const REASONS = {
   contact: ["Contact: the robot touches an obstacle. Steer away from it.", "Contact: the robot touches an obstacle."],
   paused: ["Paused: the clock stands still. Press P to go on.", "Paused by the driver: the clock stands still."],
+  kept_away: [
+    "An obstacle is near: the robot goes no further towards it.",
+    "An obstacle is near: the robot goes no further towards it.",
+  ],
   hands_off: [
     "Hands off: nothing has moved for a while, so the robot stops. Move to go on.",
     "Hands off: the driver has not moved for a while, so the robot stops.",
