@@ -154,9 +154,10 @@ class Fusion:
         noise = probability.sum(axis=0)
         speed = past[-1] + (noise * meant[0, -1]).sum(axis=0)
         held = self._held(state, inputs)
-        free = is_free * probability[:-1].sum(axis=1)
-        way_out = (free * agent).sum(axis=0) / np.maximum(free.sum(axis=0), 1e-9)
-        turn = turn + held * (way_out - turn)
+        if held.any():
+            free = is_free * probability[:-1].sum(axis=1)
+            way_out = (free * agent).sum(axis=0) / np.maximum(free.sum(axis=0), 1e-9)
+            turn = turn + held * (way_out - turn)
         command = np.where(gives, np.stack([speed - turn, speed + turn]), 0.0)
         doubt, another = state["doubt"], state["another_driver"]
         if self._model.noise_prior:
@@ -198,15 +199,19 @@ class Fusion:
 
     def _held(self, state: State, inputs: ArbiterInputs) -> Floats:
         """How long, from 0 to 1, an obstacle has kept a robot from driving on."""
+        is_near = inputs.clearance < self._robot.footprint_radius
+        if not (is_near.any() or state["held"].any()):
+            return np.zeros_like(state["held"])
         moved = np.hypot(*(inputs.pose[:2] - state["place"]))
-        is_held = moved < _HELD * self._period * self._robot.speed(inputs.human)
-        is_held &= inputs.clearance < self._robot.footprint_radius
+        is_held = is_near & (moved < _HELD * self._period * self._robot.speed(inputs.human))
         rate = self._period / self._model.held_time
         return np.asarray(np.minimum(np.maximum(state["held"] + np.where(is_held, rate, -rate), 0.0), 1.0))
 
     def _drifted(self, probability: Floats, another: Floats) -> Floats:
         """The probability (H, G, n) one step later: noise and its time constant may have changed."""
-        anew = probability.sum(axis=1, keepdims=True) * self._driver_change.prior(another)
+        # Without a person's prior nobody is found to be another.
+        prior = self._driver_change.prior(another) if self._model.noise_prior else self._noise_prior[:, None]
+        anew = probability.sum(axis=1, keepdims=True) * prior
         return np.asarray((1.0 - self._drifts) * probability + self._drifts * anew)
 
 
