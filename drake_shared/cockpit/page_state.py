@@ -152,6 +152,7 @@ def describe_now(
         "open_routes": None if surroundings is None else surroundings.open_routes,
         "human_weight": _number(values["human_weight"]),
         "confidence": _number(values["confidence"]),
+        "driver_noise": _number(values.get("driver_noise")),
         "human": _pair(values, "human", commands),
         "autonomous": _pair(values, "autonomous", commands),
         "shared": _pair(values, "shared", commands),

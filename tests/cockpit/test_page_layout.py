@@ -199,6 +199,19 @@ def test_every_reason_has_a_sentence_for_driver_and_watcher(page, stage, watchin
     assert len(said) == len(get_args(Reason))
 
 
+def test_the_noise_found_stands_in_place_of_a_confidence_that_nobody_uses(page, stage):
+    stage.set_phase("driving")
+    for now, label, value in (
+        ({"driver_noise": 0.9}, "The commands waver by", "0.9 rad/s"),
+        ({}, "The agent is sure of the route", "60 %"),
+    ):
+        stage.set_now("steady", **now)
+        page.wait_for_function(
+            "(value) => document.querySelector('#confidence').textContent === value", arg=value
+        )
+        assert page.inner_text("#confidence-label") == label
+
+
 def test_the_page_asks_for_other_trials_a_learner_and_the_end_of_a_drive(page, stage):
     def requests():
         found = []

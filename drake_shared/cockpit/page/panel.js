@@ -7,6 +7,7 @@ const at = (id) => document.getElementById(id);
 const percent = (share) => (share === null ? "–" : `${Math.round(100 * share)} %`);
 const unit = (value, digits, name) => (value === null ? "–" : `${value.toFixed(digits)} ${name}`);
 const rounded = (value) => value.toFixed(2).replace(/^-(0\.00)$/, "$1");
+const MOST_NOISE = 1.8; // rad/s on each wheel: the largest that fusion considers.
 const HELD = 600; // ms for which a reason stays, unless a more urgent one comes.
 const URGENT = ["contact", "paused", "hands_off", "conflict"];
 const RUNNING = ["armed", "driving", "stopping"];
@@ -126,14 +127,22 @@ export class Panel {
     at("human-share").textContent = percent(weight);
     at("agent-share").textContent = percent(weight === null ? null : 1 - weight);
     meter("share-bar", weight, "--human");
-    at("confidence").textContent = percent(now.confidence);
-    meter("confidence-bar", now.confidence, "--confidence");
+    this.#showDoubt(now);
     at("speed").textContent = unit(this.#speed(now), 2, "m/s");
     at("clearance").textContent = now.contact ? "contact" : unit(now.clearance, 2, "m");
     at("clearance-cell").classList.toggle("contact", now.contact);
     this.#showCommands(now);
     this.#sayWhy(now);
     this.#update();
+  }
+
+  // What decides the shares: the confidence, or with fusion the noise found in the commands.
+  #showDoubt({ confidence, driver_noise: noise = null }) {
+    const isNoise = noise !== null;
+    at("confidence-label").textContent = isNoise ? "The commands waver by" : "The agent is sure of the route";
+    at("confidence").textContent = isNoise ? unit(noise, 1, "rad/s") : percent(confidence);
+    at("confidence-bar").setAttribute("aria-label", isNoise ? "Noise found in the commands" : "Confidence of the agent");
+    meter("confidence-bar", isNoise ? Math.min(noise / MOST_NOISE, 1) : confidence, "--confidence");
   }
 
   #setTime(left) {

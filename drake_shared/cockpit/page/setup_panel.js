@@ -8,7 +8,7 @@ const ARBITERS = {
   halves: "one half each (halves)",
   traded: "one of both at a time (traded)",
   "leader-follower": "you lead, the agent follows (leader-follower)",
-  fusion: "fusion with each route (fusion)",
+  fusion: "by your route and noise (fusion)",
   hindsight: "least expected cost over the routes (hindsight)",
   "rt-v2": "modes corrected by your command (rt-v2)",
   consistency: "your command denoised toward the demonstrations (consistency)",
@@ -105,7 +105,7 @@ export class SetupPanel {
     input.setAttribute("aria-describedby", "gain-note");
     input.addEventListener("change", () => this.#onChange());
     this.#inputs.confidence_gain = input;
-    const note = html("span", { class: "note", id: "gain-note" }, "Higher: the agent is sure less often. Empty: the learner's own.");
+    const note = html("span", { class: "note", id: "gain-note" }, "For arbitration by confidence. Higher: the agent is sure less often. Empty: the learner's own.");
     return html("div", { class: "field" }, html("label", { for: id }, "K, in 1/m²"), input, note);
   }
 
