@@ -157,17 +157,17 @@ class RunningCockpit:
 
 
 def make_short_floor() -> Scenario:
-    """A goal 1 m straight ahead, with a pillar beside the path."""
+    """A goal 0.5 m straight ahead, with a pillar beside the path: a drive takes a second."""
     return Scenario(
         name="short_floor",
-        goal=Goal(x=1.0, y=0.0),
+        goal=Goal(x=0.5, y=0.0),
         workspace=Workspace(x_min=-0.5, x_max=1.5, y_min=-0.8, y_max=0.8),
-        obstacles=[Circle(name="pillar", x=0.6, y=0.6, radius=0.1)],
+        obstacles=[Circle(name="pillar", x=0.3, y=0.6, radius=0.1)],
         routes=[
-            Route(name="straight", waypoints=[[0.0, 0.0], [1.0, 0.0]], sides={"pillar": "right"}),
-            Route(name="bent", waypoints=[[0.0, 0.0], [0.5, -0.2], [1.0, 0.0]], sides={"pillar": "right"}),
+            Route(name="straight", waypoints=[[0.0, 0.0], [0.5, 0.0]], sides={"pillar": "right"}),
+            Route(name="bent", waypoints=[[0.0, 0.0], [0.25, -0.2], [0.5, 0.0]], sides={"pillar": "right"}),
         ],
-        travel_time=2.0,
+        travel_time=1.0,
     )
 
 

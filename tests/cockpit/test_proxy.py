@@ -61,6 +61,13 @@ class Resolver(aiohttp.abc.AbstractResolver):
         pass
 
 
+async def passed_on(source, target) -> None:
+    """Passes on the messages of a websocket until it closes, and then closes the other."""
+    async for message in source:
+        await target.send_str(message.data)
+    await target.close()
+
+
 @contextlib.asynccontextmanager
 async def tls_proxy(upstream: int, context: ssl.SSLContext, *, keeps_host: bool):
     """A reverse proxy for pages and websockets, like that of nginx; yields its port."""
@@ -77,8 +84,7 @@ async def tls_proxy(upstream: int, context: ssl.SSLContext, *, keeps_host: bool)
                     async with http.ws_connect(url, headers=headers) as inside:
                         outside = web.WebSocketResponse()
                         await outside.prepare(request)
-                        async for message in inside:
-                            await outside.send_str(message.data)
+                        await asyncio.gather(passed_on(inside, outside), passed_on(outside, inside))
                         return outside
                 except aiohttp.WSServerHandshakeError as error:
                     return web.Response(status=error.status)
