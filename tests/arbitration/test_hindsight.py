@@ -203,6 +203,22 @@ def test_without_a_command_nothing_is_learnt_of_the_route():
     np.testing.assert_array_equal(state["probability"], before)
 
 
+def test_a_command_answers_what_the_driver_saw_a_reaction_delay_ago():
+    poses, human, still = [[0.1 * step, 0.02 * step, 0.1] for step in range(6)], [4.0, 6.0], [0.0, 0.0]
+    late = rule_with(delay=3 * PERIOD)
+    state = late.initial_state(1)
+    for pose in poses[:5]:
+        _, _, state = late.step(state, inputs(pose, still))
+    _, _, answered = late.step(state, inputs(poses[5], human))
+    prompt = rule_with(delay=0.0)
+    state = prompt.initial_state(1)
+    for pose in poses[:2]:
+        _, _, state = prompt.step(state, inputs(pose, still))
+    _, _, expected = prompt.step(state, inputs(poses[2], human))
+    np.testing.assert_allclose(answered["probability"], expected["probability"])
+    assert np.ptp(expected["probability"]) > 1e-3
+
+
 def test_trials_side_by_side_do_not_depend_on_each_other():
     rule = rule_with()
     alone, both = rule.initial_state(1), rule.initial_state(2)

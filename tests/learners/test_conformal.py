@@ -88,6 +88,11 @@ def test_the_wrapper_is_a_learner_whose_variance_is_scaled():
     scaled_mean, scaled = wrapped.predict(*query)
     np.testing.assert_array_equal(scaled_mean, mean)
     np.testing.assert_allclose(scaled, 4.0 * variance)
+    for _ in range(50):
+        conformal.observe(0.0)
+    assert conformal.factor == 0.0
+    # However small the errors are, a variance stays positive.
+    assert (wrapped.predict(*query)[1] > 0.0).all()
 
 
 @pytest.mark.parametrize(
