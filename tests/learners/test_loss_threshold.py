@@ -6,7 +6,7 @@ import pytest
 from drake_shared.learners import load_learner
 from drake_shared.learners.loss_threshold import early_stop, loss_threshold
 
-SHIPPED = ["two_obstacles_paper", "three_obstacles_paper", "doorway_paper"]
+SHIPPED = ["two_obstacles_paper", "three_obstacles_paper", "doorway_paper", "table_three_cups_paper"]
 
 
 @pytest.mark.parametrize("name", SHIPPED)

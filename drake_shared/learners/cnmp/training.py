@@ -140,8 +140,10 @@ def train_together(
             "trained_together": len(tasks),
             "calibration": plan.calibration,
         }
-        resolution = 0.5 * plan.parameters.noise * datasets[index].spread
-        gain = calibrate(run.export(place), tasks[index], resolution=resolution, calibration=plan.calibration)
+        learner = run.export(place)
+        # Where routes part at once, the variance along demonstrations is the floor's nearly everywhere.
+        resolution = max(0.5 * plan.parameters.noise * datasets[index].spread, learner.sigma_floor)
+        gain = calibrate(learner, tasks[index], resolution=resolution, calibration=plan.calibration)
         record["seconds"] = plan.spent()
         max_variance = 1.0 / (LEAST_CONFIDENCE * gain)
         return run.export(place, confidence_gain=gain, metadata=metadata, max_variance=max_variance)
