@@ -17,8 +17,12 @@ PLANES = (np.array([1.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.0]))
 """Axes of the tip's velocity that two axes of a stick move: x-y, or y-z after a click (Herlant et al.
 2016)."""
 
-# Time in which the tip is led back to the route by an operator of skill 1, in [s].
-_CORRECTION_TIME = 0.7
+CORRECTION_TIME = 0.7
+"""Time in which the tip is led back to the route by an operator of skill 1, in [s]."""
+
+AIM_AHEAD = 0.08
+"""How far ahead on the route an operator aims who switches planes, in [m], where nothing else is set."""
+
 # Length of the route in which the nearest point is searched, and along which its direction is taken, in [m].
 _SEARCH, _DIRECTION = 0.08, 0.05
 # Distance to the end within which the operator slows down, in [m].
@@ -26,6 +30,8 @@ _SLOWING = 0.05
 # An operator who aims at a point moves toward it in this time, in [s], and not much faster than along a
 # route.
 _AIMING_TIME, _HASTE = 0.33, 1.2
+# Share of a period that rounding of a delay explains.
+_ROUNDING = 1e-9
 # Errors of the tip that an operator who switches planes no longer minds, in [m].
 _CLOSE = 0.02
 
@@ -46,13 +52,18 @@ class ReachingLaw:
         """Number of positions that are remembered."""
 
     def recall(self, seen: Floats, delay: float) -> Floats:
-        """The position (3,), in [m], seen ``delay`` s before the command takes effect, a period from now.
+        """The position (3,), in [m], seen ``delay`` before the command takes effect, a period from now.
 
         Args:
-            seen: Positions (n, 3) in [m], one a period, the newest first.
-            delay: In [s].
+            seen: Positions [x, y, z, x, y, ...] in [m], one a period, the newest first.
+            delay: In [s]. Between two remembered positions it interpolates.
         """
-        position: Floats = seen[min(round(max(delay - self._period, 0.0) / self._period), len(seen) - 1)]
+        periods = max(delay - self._period, 0.0) / self._period
+        newer = int(periods + _ROUNDING)
+        position: Floats = seen[3 * newer : 3 * newer + 3]
+        # A delay of whole periods takes the position itself.
+        if (share := periods - newer) > _ROUNDING:
+            position = position + share * (seen[3 * newer + 3 : 3 * newer + 6] - position)
         return position
 
     def progress(self, path: SpacePath, position: Floats, reached: float) -> float:
@@ -61,12 +72,22 @@ class ReachingLaw:
 
     def follow(self, path: SpacePath, position: Floats, reached: float, behaviour: Behaviour) -> Floats:
         """Velocity (3,), in [m/s], along the route and back to it."""
-        along = path.position(reached + _DIRECTION) - path.position(reached)
-        direction = along / max(float(np.linalg.norm(along)), 0.4 * _DIRECTION)
-        slowing = min(1.0, (path.length - reached) / _SLOWING)
-        correction = behaviour.skill * (path.position(reached) - position) / _CORRECTION_TIME
-        velocity: Floats = self._pace(path, behaviour) * slowing * direction + correction
+        slowing, direction, offset = self.guide(path, position, reached)
+        pace = behaviour.speed_factor * self.pace(path)
+        velocity: Floats = pace * slowing * direction + behaviour.skill * offset / CORRECTION_TIME
         return velocity
+
+    def guide(self, path: SpacePath, position: Floats, reached: float) -> tuple[float, Floats, Floats]:
+        """What an operator who follows the route sees.
+
+        Returns:
+            Share of the pace, which falls before the end; direction (3,) of the route; and offset (3,), in
+            [m], from ``position`` to the route.
+        """
+        nearest = path.position(reached)
+        along = path.position(reached + _DIRECTION) - nearest
+        direction = along / max(math.sqrt(along @ along), 0.4 * _DIRECTION)
+        return min(1.0, (path.length - reached) / _SLOWING), direction, nearest - position
 
     def aim(
         self, path: SpacePath, position: Floats, reached: float, behaviour: Behaviour, axes: Floats
@@ -75,16 +96,24 @@ class ReachingLaw:
 
         The error (3,), in [m], is that of the position.
         """
-        error = path.position(reached + (behaviour.aim_ahead or _SEARCH)) - position
-        velocity = error * axes / _AIMING_TIME
-        fastest = _HASTE * self._pace(path, behaviour)
-        scaled: Floats = velocity * min(1.0, fastest / max(float(np.linalg.norm(velocity)), 1e-9))
-        return scaled, error
+        error = path.position(reached + (behaviour.aim_ahead or AIM_AHEAD)) - position
+        return self.toward(error * axes, behaviour.speed_factor * self.pace(path)), error
+
+    @staticmethod
+    def toward(errors: Floats, pace: float) -> Floats:
+        """Velocities (..., 3), in [m/s], that undo ``errors`` (..., 3), in [m]; ``pace`` is that of the
+        route."""
+        velocity = errors / _AIMING_TIME
+        # As numpy.linalg.norm computes it, of many vectors too.
+        speed = np.sqrt(np.vecdot(velocity, velocity))
+        scaled: Floats = velocity * np.minimum(1.0, _HASTE * pace / np.maximum(speed, 1e-9))[..., None]
+        return scaled
 
     def wants_other_plane(self, error: Floats, plane: int) -> bool:
         """Whether all is done that the axes of ``plane`` can do, and the third one is needed."""
         done = float(np.linalg.norm(error * PLANES[plane])) < _CLOSE
         return done and abs(float(error[2 if plane == 0 else 0])) > _CLOSE
 
-    def _pace(self, path: SpacePath, behaviour: Behaviour) -> float:
-        return behaviour.speed_factor * path.length / self._travel_time
+    def pace(self, path: SpacePath) -> float:
+        """Speed along the route, in [m/s], at a speed factor of 1."""
+        return path.length / self._travel_time

@@ -47,6 +47,8 @@ class ArmModel:
         lower, upper: Limits (n,) of the joint positions, in [rad].
         max_speed: Limits (n,) of the joint speeds, in [rad/s].
         home: Joint positions (n,) at home, in [rad].
+        levers: Largest distances (n,) of the arm's geometry from each joint, in [m], whatever the positions:
+            no point of the arm moves faster than their sum with the joints' speeds as weights.
 
     Raises:
         InputError: The file cannot be used, lacks base or tip, or has a joint that is not revolute, not
@@ -100,6 +102,7 @@ class ArmModel:
         self._world = plant.world_frame()
         self._key, self._X_WT = b"", RigidTransform()
         self._frames = self._filter_pairs(graph, others)
+        self.levers = self._levers(graph)
 
     @property
     def size(self) -> int:
@@ -199,6 +202,26 @@ class ArmModel:
                 X_FG = inspector.GetPoseInFrame(solid)
                 frames[solid] = (body.body_frame(), X_FG.rotation().matrix(), X_FG.translation())
         return frames
+
+    def _levers(self, graph: SceneGraph) -> Floats:
+        plant, inspector = self.plant, graph.model_inspector()
+        origins = [joint.frame_on_child().CalcPoseInWorld(self._context) for joint in self._joints]
+        moved = [plant.GetBodiesKinematicallyAffectedBy([joint.index()]) for joint in self._joints]
+        levers = np.zeros(self.size)
+        for solid, (frame, R_FG, p_FG) in self._frames.items():
+            last = sum(frame.body().index() in bodies for bodies in moved) - 1
+            box = inspector.GetObbInGeometryFrame(solid)
+            # Only a half space has none; it has no end.
+            reach = np.inf if box is None else float(np.linalg.norm(box.half_width()))
+            center = p_FG if box is None else p_FG + R_FG @ box.pose().translation()
+            point = frame.CalcPoseInWorld(self._context).multiply(center)
+            # Along the chain of joints, since the positions of those in between change the straight distance.
+            for joint in range(last, -1, -1):
+                origin = origins[joint].translation()
+                reach += float(np.linalg.norm(point - origin))
+                levers[joint] = max(levers[joint], reach)
+                point = origin
+        return levers
 
 
 def rotation_vector(rotation: Floats) -> Floats:

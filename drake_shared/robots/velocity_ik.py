@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 Floats = NDArray[np.float64]
+
+Inequalities = Callable[[Floats | None], tuple[Floats, Floats]]
+"""Returns A (l, n) and b (l,): all rows for None, else at least those that given joint speeds (n,) may
+violate, so that the others need not be computed."""
 
 # What a solution may exceed a limit by, in [rad/s] or [m/s]: rounding of the unconstrained minimum.
 _TOLERANCE = 1e-9
@@ -53,8 +59,7 @@ class VelocityIk:
         *,
         lower: Floats,
         upper: Floats,
-        a: Floats,
-        b: Floats,
+        inequalities: Inequalities,
     ) -> Floats | None:
         """The solution (n,), in [rad/s], or None if no joint speeds fulfil the constraints.
 
@@ -63,7 +68,7 @@ class VelocityIk:
             twist: t (6,).
             posture: u (n,), in [rad/s].
             lower, upper: Bounds (n,), in [rad/s].
-            a, b: Inequalities (l, n) and (l,), l <= m.
+            inequalities: At most m of them.
         """
         felt = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + self._regularization, jacobian)
         pull = self._posture * (self._identity - felt)
@@ -71,8 +76,11 @@ class VelocityIk:
         gradient = jacobian.T @ twist + pull @ posture
         free: Floats = np.asarray(np.linalg.solve(hessian, gradient), dtype=float)
         within = (free >= lower - _TOLERANCE).all() and (free <= upper + _TOLERANCE).all()
-        if within and (a @ free >= b - _TOLERANCE).all():
-            return free
+        if within:
+            a, b = inequalities(free)
+            if (a @ free >= b - _TOLERANCE).all():
+                return free
+        a, b = inequalities(None)
         self._cost.UpdateCoefficients(2.0 * hessian, -2.0 * gradient, is_convex=True)
         self._bounds.set_bounds(lower, upper)
         matrix, least = np.zeros((len(self._no_limit), len(lower))), np.full(len(self._no_limit), -1.0)

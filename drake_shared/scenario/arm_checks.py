@@ -78,7 +78,7 @@ def distance_to_reach(model: ArmModel, target: Floats) -> float:
     """
     joints, ik = model.home, VelocityIk(model.size, rows=1)
     wanted = model.tip_pose(joints).rotation().matrix()
-    none = np.zeros((0, model.size))
+    none = np.zeros((0, model.size)), np.zeros(0)
     missing = math.inf
     for _ in range(_REACHING_STEPS):
         pose = model.tip_pose(joints)
@@ -88,8 +88,14 @@ def distance_to_reach(model: ArmModel, target: Floats) -> float:
             break
         turn = rotation_vector(wanted @ pose.rotation().matrix().T)
         twist = np.concatenate([turn, offset * min(1.0, _REACHING_STEP / missing)])
-        limits = {"lower": model.lower - joints, "upper": model.upper - joints, "a": none, "b": none[:, 0]}
-        change = ik.solve(model.jacobian(), twist, np.zeros(model.size), **limits)
+        change = ik.solve(
+            model.jacobian(),
+            twist,
+            np.zeros(model.size),
+            lower=model.lower - joints,
+            upper=model.upper - joints,
+            inequalities=lambda _: none,
+        )
         if change is None:
             break
         joints = joints + change

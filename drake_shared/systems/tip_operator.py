@@ -93,7 +93,7 @@ class TipOperator(RouteOperator[SpacePath]):
         noise, last = rest[:3], rest[3:]
         plane, switches = context.get_discrete_state(self._planes_index).value().tolist()
 
-        position = law.recall(seen.reshape(-1, 3), behaviour.delay)
+        position = law.recall(seen, behaviour.delay)
         reached = law.progress(path, position, reached)
         paused = now - behaviour.late_start - behaviour.pause_time
         steers = now >= behaviour.late_start and not 0.0 <= paused < behaviour.pause

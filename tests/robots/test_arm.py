@@ -124,3 +124,18 @@ def test_a_model_that_cannot_be_driven_is_refused(tmp_path, old, new, changes, f
         ArmModel(dataclasses.replace(ARM, **{"model": str(file), **changes}))
     assert caught.value.field == f"robot.{field}"
     assert "\n" not in str(caught.value)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000))
+def test_no_point_of_the_arm_is_faster_than_its_levers_say(seed):
+    random = np.random.default_rng(seed)
+    joints, speeds = random.uniform(MODEL.lower, MODEL.upper), random.normal(size=7)
+    plant, context = MODEL.plant, MODEL.plant.CreateDefaultContext()
+    plant.SetPositions(context, joints)
+    plant.SetVelocities(context, speeds)
+    fastest = max(
+        np.linalg.norm(plant.EvalBodySpatialVelocityInWorld(context, plant.get_body(index)).translational())
+        for index in plant.GetBodyIndices(plant.GetModelInstanceByName("arm7"))
+    )
+    assert fastest <= MODEL.levers @ np.abs(speeds)
