@@ -23,8 +23,3 @@ class Modes:
     mean: NDArray[np.float64]
     variance: NDArray[np.float64]
     aim: int
-
-    def by_probability(self) -> list[tuple[float, NDArray[np.float64]]]:
-        """Probability and mean (Q, D), in [m], of each mode, the most probable first."""
-        order = np.argsort(-self.probability)
-        return [(float(self.probability[index]), self.mean[index]) for index in order]

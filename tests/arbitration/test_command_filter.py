@@ -54,6 +54,19 @@ def test_what_is_meant_and_the_likelihood_are_those_of_gaussian_process_regressi
     )
 
 
+def test_a_first_difference_is_split_by_the_variances_of_what_is_meant_and_of_the_noise():
+    filters = CommandFilters(KINDS, NOISES, TIMES, period=PERIOD)
+    state, log, fresh, _ = filters.step(filters.initial_state(1), np.full((len(KINDS), 1), 1.5), GIVES)
+    meant = np.square([[deviation] for deviation, _ in KINDS])
+    variance = meant + NOISES**2
+    expected = 1.5 * np.stack([meant / variance, 0.0 * variance, NOISES**2 / variance])
+    np.testing.assert_allclose(state[..., 0], expected)
+    np.testing.assert_allclose(fresh, state)
+    assert not log.any()
+    _, _, _, fresh_log = filters.step(state, np.full((len(KINDS), 1), 0.5), GIVES)
+    np.testing.assert_allclose(fresh_log[..., 0], -0.5 * (0.25 / variance + np.log(variance)))
+
+
 def test_the_share_is_what_is_found_meant_of_a_lasting_difference():
     filters = CommandFilters(KINDS, NOISES, TIMES, period=PERIOD)
     state, _ = filtered(filters, np.ones(800))

@@ -91,6 +91,31 @@ def test_an_obstacle_is_passed_on_the_side_of_its_centre_where_the_path_passes(y
     assert moved.max() == pytest.approx(abs(beside - y), abs=0.05)
 
 
+@pytest.mark.parametrize(
+    "obstacles",
+    [
+        [Circle(name="left", x=1.4, y=0.1, radius=0.3), Circle(name="right", x=3.2, y=-0.1, radius=0.3)],
+        [Box(name="crate", x=2.5, y=0.2, length=0.8, width=0.5, yaw=0.4)],
+    ],
+)
+def test_where_there_is_room_the_margin_is_kept_in_a_smooth_bend_and_the_end_is_reached(obstacles):
+    path, _ = repair(world(*obstacles), straight())
+    assert clearance(world(*obstacles), (0.0, 0.0), path) == pytest.approx(0.1, abs=0.01)
+    assert path[-1] == pytest.approx(straight()[-1], abs=1e-3)
+    turns = np.abs(np.diff(np.unwrap(np.arctan2(*np.diff(path, axis=0).T[::-1]))))
+    assert turns.max() < 0.25
+
+
+def test_a_path_is_not_moved_out_of_the_workspace():
+    pillar = Circle(name="pillar", x=2.5, y=-2.4, radius=0.3)
+    path, _ = repair(world(pillar), straight(-2.5), pose=(0.0, -2.5, 0.0))
+    assert path[:, 1] == pytest.approx(-2.5)
+    assert 1.5 < path[-1, 0] < 2.2
+    # With half a metre more there is room between the pillar and the edge.
+    further = dataclasses.replace(pillar, y=-1.9)
+    assert repair(world(further), straight(-2.0), pose=(0.0, -2.0, 0.0))[0][-1, 0] == pytest.approx(5.0)
+
+
 def test_a_path_ends_before_a_wall_without_a_way_beside_it():
     scenario = world(Box(name="wall", x=2.5, y=0.0, length=0.1, width=7.0))
     path, moved = repair(scenario, straight())

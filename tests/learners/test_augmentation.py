@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_shared.learners.augmentation import low_frequency_basis, make_neighborhoods
+from drake_shared.learners.augmentation import low_frequency_basis, make_neighborhoods, unexplained
 
 
 def routes(*heights: float) -> np.ndarray:
@@ -21,6 +21,7 @@ def test_equal_demonstrations_have_equal_weights_and_few_are_widened():
     shares, gains = make_neighborhoods(routes(0.3, 0.3, 0.3), reach=0.1, widening=1.2)
     np.testing.assert_allclose(shares, 1 / 3)
     np.testing.assert_allclose(gains, 1.2 * np.sqrt(3 / 2))
+    np.testing.assert_allclose(unexplained(shares), np.sqrt(1 / 3))
 
 
 def test_weights_fall_with_the_largest_distance():

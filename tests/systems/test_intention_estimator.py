@@ -242,6 +242,15 @@ def test_a_command_is_evidence_for_learners_that_use_it():
     assert using.intention.mean[-1, 1] > 0.0
 
 
+@pytest.mark.parametrize("use", [True, False])
+def test_a_trial_may_leave_out_the_command_whichever_the_learner_is(use):
+    learner = Pointing()
+    bench = Bench(learner).commanded(3.0, 5.0)
+    for other in (learner, Pointing()):
+        bench.dut.SetLearner(bench.context, other, use_human_command=use)
+        assert (bench.intention.mean[-1, 1] > 0.0) == use
+
+
 def test_a_command_points_to_where_it_leads():
     learner = Pointing()
     robot = DiffDrive()
