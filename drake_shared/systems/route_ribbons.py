@@ -115,7 +115,7 @@ def _ribbon(
     tangent = np.gradient(center[:, across], axis=0).T
     tangent /= np.maximum(np.hypot(*tangent), 1e-9)
     sigma = np.sqrt(tangent[1] ** 2 * spread[0] + tangent[0] ** 2 * spread[1])
-    fade = np.square(np.minimum(known / np.maximum(sigma, 1e-9), 1.0))
+    fade = np.square(known / np.maximum(sigma, 1e-9))
     fade = np.clip((fade - _INVISIBLE) / (1.0 - _INVISIBLE), 0.0, 1.0)
     if not fade.any():
         return None

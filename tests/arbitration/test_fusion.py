@@ -174,7 +174,8 @@ def test_the_prior_of_a_person_is_where_a_drive_begins(drive):
 
 def test_after_a_notice_the_noise_is_that_of_a_driver_of_whom_nothing_was_known(drive):
     pairs = len(FIXED.noises) * len(FIXED.noise_times)
-    person = fusion_with(FusionModel(**{**FIXED.__dict__, "noise_prior": tuple(1e-3 + np.eye(pairs)[3])}))
+    calm = tuple(np.geomspace(1.0, 1e-6, pairs))
+    person = fusion_with(FusionModel(**{**FIXED.__dict__, "noise_prior": calm}))
     unknown = fusion_with(FIXED)
     (state, _), (expected, _) = observe(person, *drive), observe(unknown, *drive)
     assert state["another_driver"].item() == 1.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_shared.learners import Modes
-from drake_shared.robots import DiffDrive
+from drake_shared.robots import Arm, DiffDrive
 from drake_shared.systems.intention import Intention
 from drake_shared.systems.route_ribbons import POINTS, route_ribbons
 
@@ -82,6 +82,16 @@ def test_a_prediction_that_is_not_finite_is_left_out(value):
 def test_at_the_goal_nothing_is_left_to_show():
     mean, variance = straight()
     assert ribbons_of((0.0 * mean, variance)) == []
+
+
+def test_a_path_straight_up_is_as_narrow_as_any_is():
+    mean = np.array([0.4, 0.1, 0.2]) + np.linspace(0.02, 0.4, 20)[:, None] * [0.0, 0.0, 1.0]
+    intention = Intention(
+        time=0.0, times=0.1 * np.arange(1.0, 21.0), mean=mean, variance=np.full_like(mean, 0.01), first=0
+    )
+    (ribbon,) = route_ribbons(intention, None, position=(0.4, 0.1, 0.2), robot=Arm())
+    np.testing.assert_array_equal(ribbon.half_width, ribbon.half_width.min())
+    np.testing.assert_array_equal(ribbon.fade, 1.0)
 
 
 def test_lengths_scale_with_the_robot():
