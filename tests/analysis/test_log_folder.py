@@ -1,7 +1,9 @@
 """A batch keeps complete logs whatever interrupts it, and can be resumed."""
 
+import contextlib
 import dataclasses
 import errno
+import io
 import json
 import multiprocessing
 import os
@@ -136,9 +138,11 @@ def kill_and_resume(short: str, folder: Path, kills: int) -> tuple[int, int]:
 def uninterrupted(short, tmp_path_factory) -> tuple[str, dict[str, str]]:
     """The output and the logs of a run that is not interrupted."""
     folder = tmp_path_factory.mktemp("uninterrupted")
-    output, errors = simulate(short, folder).communicate()
-    assert str(folder) in errors
-    return output.replace(str(folder), "FOLDER"), contents(folder)
+    output, errors = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+        assert main(command(short, folder)) == 0
+    assert str(folder) in errors.getvalue()
+    return output.getvalue().replace(str(folder), "FOLDER"), contents(folder)
 
 
 def resumed(short: str, folder: Path, capsys) -> tuple[str, dict[str, str]]:

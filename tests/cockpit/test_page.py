@@ -82,11 +82,16 @@ def lasting_pages(lasting_context):
 
 
 @pytest.fixture
-def driving(lasting_pages, lasting_context, long_cockpit, until):
-    """A window whose driver pushes forward, with the robot moving and the goal far away."""
+def lasting_page(lasting_pages, lasting_context, long_cockpit):
     if not lasting_pages or lasting_pages[-1].page.is_closed():
         lasting_pages.append(Page(lasting_context, long_cockpit).open())
-    page = lasting_pages[-1].engage()
+    return lasting_pages[-1]
+
+
+@pytest.fixture
+def driving(lasting_page, long_cockpit, until):
+    """A window whose driver pushes forward, with the robot moving and the goal far away."""
+    page = lasting_page.engage()
     page.push_forward()
     until(lambda: np.all(long_cockpit.command > 0), "the robot to be driven")
     yield page
@@ -165,15 +170,6 @@ def test_the_assistance_switch_takes_effect_in_the_next_trial(window, cockpit):
     assert cockpit.trials[1]["x"][0] == 0.0
 
 
-def test_arrow_keys_drive_too(window, cockpit):
-    page = window().engage()
-    page.page.keyboard.down("ArrowUp")
-    trial = cockpit.next_trial()
-    page.page.keyboard.up("ArrowUp")
-    assert trial.status == "reached"
-    assert trial["stick_forward"].max() == 1.0
-
-
 def test_the_page_shows_the_running_trial(driving):
     driving.wait_for_text("#human-share", r"\d+ %")
     driving.wait_for_text("#confidence", r"\d+ %")
@@ -183,8 +179,8 @@ def test_the_page_shows_the_running_trial(driving):
     driving.page.wait_for_selector("#stick-plot .knob[transform*='-0.']", state="attached")
 
 
-def test_hands_off_stops_the_robot_and_is_shown(long_cockpit, browser_context, until):
-    page = Page(browser_context, long_cockpit).open().engage()
+def test_hands_off_stops_the_robot_and_is_shown(long_cockpit, lasting_page, until):
+    page = lasting_page.engage()
     page.page.keyboard.down("ArrowUp")
     until(lambda: np.all(long_cockpit.command > 0), "the robot to be driven")
     page.page.keyboard.up("ArrowUp")
@@ -209,14 +205,17 @@ def test_leaving_the_pointer_lock_stops(driving, long_cockpit):
     assert_saved_and_at_rest(long_cockpit, long_cockpit.next_trial(), "stopped")
 
 
-def test_closing_the_tab_stops_the_robot_and_frees_the_lock(driving, long_cockpit, browser_context):
+def test_closing_the_tab_stops_the_robot_and_frees_the_lock(
+    driving, long_cockpit, lasting_pages, lasting_context
+):
     cockpit = long_cockpit
     driving.page.close()
     trial = cockpit.next_trial()
     last_arrival = cockpit.mouse.readings[-1][1]
     assert_stopped_within(cockpit, last_arrival)
     assert_saved_and_at_rest(cockpit, trial, "page_closed")
-    Page(browser_context, cockpit).open().engage()
+    lasting_pages.append(Page(lasting_context, cockpit).open().engage())
+    lasting_pages[-1].page.keyboard.press("Escape")
 
 
 def test_reloading_stops_the_robot_and_needs_a_fresh_click(driving, long_cockpit):
@@ -246,8 +245,8 @@ def test_a_frozen_page_stops_the_robot_and_loses_the_lock(driving, long_cockpit)
     assert cockpit.driver_lock.holder is None
 
 
-def test_a_second_window_watches_and_must_click_to_drive(browser_context, other_context, long_cockpit, until):
-    first = Page(browser_context, long_cockpit).open()
+def test_a_second_window_watches_and_must_click_to_drive(lasting_page, other_context, long_cockpit, until):
+    first = lasting_page
     second = Page(other_context, long_cockpit).open()
     first.engage()
     second.page.wait_for_selector("body[data-driver-lock=taken]")

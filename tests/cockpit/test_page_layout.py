@@ -307,7 +307,9 @@ def test_the_keyboard_alone_suffices(browser_context, cockpit):
     page.keyboard.press("Enter")
     page.wait_for_selector("#deck[data-phase=armed]")
     page.keyboard.down("ArrowUp")
-    assert cockpit.next_trial().status == "reached"
+    trial = cockpit.next_trial()
+    assert trial.status == "reached"
+    assert trial["stick_forward"].max() == 1.0
 
 
 # A browser without WebGL and without pointer lock.

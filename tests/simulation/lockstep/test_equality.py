@@ -71,11 +71,11 @@ def check_equal(simulation: Simulation, settings, learners=None) -> list:
     return alone
 
 
-@pytest.mark.parametrize("name", OPERATORS)
-def test_every_named_operator(name):
+@pytest.mark.parametrize(("seed", "name"), list(enumerate(OPERATORS)), ids=OPERATORS)
+def test_every_named_operator(seed, name):
     scenario = load_scenario("two_obstacles")
     simulation = Simulation(scenario, learner=learner_of("two_obstacles"))
-    check_equal(simulation, [operator_settings(scenario, name, seed=seed) for seed in range(2)])
+    check_equal(simulation, [operator_settings(scenario, name, seed=seed)])
 
 
 def test_a_calibrated_confidence():
@@ -110,6 +110,9 @@ def test_every_arbiter_in_all_scenarios(arbitration):
     for place, name in enumerate(("two_obstacles", "three_obstacles", "doorway")):
         end = ("reached", "duration")[(place + ARBITERS.index(arbitration)) % 2]
         scenario = load_scenario(name)
+        if place != ARBITERS.index(arbitration) % 3:
+            # The first obstacle is passed in this time. Each arbiter drives one of the scenarios to its end.
+            scenario = dataclasses.replace(scenario, duration=5.0)
         config = SharedControlConfig(arbitration=arbitration, end=end, confidence_gain=100.0)
         simulation = Simulation(scenario, learner=learner_of(name), config=config)
         check_equal(simulation, [operator_settings(scenario, "unskilled", seed=7)])
