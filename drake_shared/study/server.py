@@ -28,14 +28,10 @@ from drake_shared.study.store import EXCLUDED, WITHDRAWN, StudyData
 _PAGE = Path(__file__).parent / "page"
 _ABSENT = 6.0
 """Time without a request, in [s], after which a link can be opened elsewhere."""
-_HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
-    "img-src 'self' data:; font-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
-    "frame-ancestors 'none'",
-    "Cache-Control": "no-store",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-}
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
+    "font-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
 
 
 class Seat:
@@ -333,8 +329,9 @@ class StudyServer:
         }
 
 
-async def _add_headers(_: web.Request, response: web.StreamResponse) -> None:
-    response.headers.update(_HEADERS)
+async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
+    response.headers["Content-Security-Policy"] = _POLICY
+    await Access.add_headers(request, response)
 
 
 async def _json(request: web.Request) -> dict[str, Any]:

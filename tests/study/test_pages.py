@@ -167,6 +167,18 @@ def test_a_link_is_used_once_at_a_time_and_others_are_unknown(study):
             caught.value.close()
 
 
+def test_no_other_page_shows_or_keeps_that_of_a_participant(study):
+    with (
+        serving(StudyData(study)) as server,
+        urllib.request.urlopen(server.address_of("P01"), timeout=PATIENCE) as answer,
+    ):
+        headers = answer.headers
+    assert headers["X-Frame-Options"] == "DENY"
+    assert headers["Cache-Control"] == "no-store"
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    assert "script-src 'self'" in headers["Content-Security-Policy"]
+
+
 def test_a_machine_that_is_too_far_away_is_told_so(study):
     with serving(StudyData(study)) as server:
         shown = post(server.address_of("P01"), "step", page="a", ping=6.0)
