@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,3 +33,22 @@ class Command:
             RunError: The run failed.
         """
         raise NotImplementedError
+
+
+@dataclasses.dataclass(kw_only=True)
+class TaskCommand(Command):
+    """A command that runs many tasks and writes a report."""
+
+    out: Path
+    """Folder for the report and for the results of every task; must be empty or new."""
+    workers: OptionalInt = None
+    """Number of processes; the results do not depend on it. Default: one for each processor."""
+    resume: bool = False
+    """Continue the run that is in the folder."""
+    force: bool = False
+    """Overwrite the run that is in the folder."""
+
+    @property
+    def processes(self) -> int:
+        """Number of processes."""
+        return (os.cpu_count() or 1) if self.workers is None else self.workers

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import shlex
-from pathlib import Path
 from typing import Any
 
-from drake_shared.cli.command import Command, OptionalInt
+from drake_shared.cli.command import OptionalInt, TaskCommand
 from drake_shared.cli.common import print_json
 from drake_shared.common.console import say
 
 
 @dataclasses.dataclass(kw_only=True)
-class Compare(Command):
+class Compare(TaskCommand):
     """Compares arbiters on the same trials with simulated operators, in shipped and generated scenes."""
 
-    out: Path
-    """Folder for the report and for the results of every task; must be empty or new."""
     quick: bool = False
     """Few scenes and learners: minutes instead of hours, with wider intervals."""
     arbiters: tuple[str, ...] = ()
@@ -33,12 +29,6 @@ class Compare(Command):
     """Names of simulated operators, such as "noise 1.2"; default: all seven."""
     moving: bool = True
     """Whether obstacles that cross take part; these trials run in Drake, which takes longer."""
-    workers: OptionalInt = None
-    """Number of processes; the results do not depend on it. Default: one for each processor."""
-    resume: bool = False
-    """Continue the run that is in the folder."""
-    force: bool = False
-    """Overwrite the run that is in the folder."""
     json: bool = False
     """Print table and claims as one JSON object."""
 
@@ -63,7 +53,7 @@ class Compare(Command):
         section = compare(
             self.out,
             plan,
-            workers=(os.cpu_count() or 1) if self.workers is None else self.workers,
+            workers=self.processes,
             resume=self.resume,
             force=self.force,
             command=" ".join(

@@ -3,35 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
-import os
-from pathlib import Path
 
-from drake_shared.cli.command import Command, OptionalInt, OptionalText
+from drake_shared.cli.command import OptionalText, TaskCommand
 from drake_shared.cli.common import print_json
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
 
 
 @dataclasses.dataclass(kw_only=True)
-class Reproduce(Command):
+class Reproduce(TaskCommand):
     """Runs the paper's experiments and further ones with simulated operators, and writes a report."""
 
-    out: Path
-    """Folder for the report and for the results of every task; must be empty or new."""
     quick: bool = False
     """Few repeats: minutes instead of more than an hour, with wider intervals."""
     scenario: OptionalText = None
     """Scenario file, or the name of a shipped one."""
     only: tuple[str, ...] = ()
     """Names of experiments; default: all."""
-    workers: OptionalInt = None
-    """Number of processes; the results do not depend on it. Default: one for each processor."""
     cluster: OptionalText = None
     """Address of a Dask scheduler (extra cluster), such as tcp://host:8786, to use instead."""
-    resume: bool = False
-    """Continue the run that is in the folder."""
-    force: bool = False
-    """Overwrite the run that is in the folder."""
     json: bool = False
     """Print claims and verdicts as one JSON object."""
 
@@ -47,7 +37,7 @@ class Reproduce(Command):
             size=QUICK if self.quick else FULL,
             scenario=self.scenario,
             only=self.only,
-            workers=(os.cpu_count() or 1) if self.workers is None else self.workers,
+            workers=self.processes,
             cluster=self.cluster,
             resume=self.resume,
             force=self.force,
