@@ -108,7 +108,7 @@ class Train(Command):
                 **self._changes(),
             )
         dataset = make_dataset(align(demonstrations))
-        for index in unlike_all_others(dataset.positions, spread=dataset.spread, extent=dataset.extent):
+        for index in unlike_all_others(dataset.positions):
             item = demonstrations[index]
             say(f"warning: {item.source} is like no other: if it is a mistake, train without it")
         save_learner(learner, self.out)

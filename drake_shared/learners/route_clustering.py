@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
+from drake_shared.learners.dataset import scale_of
+
 # Two demonstrations whose largest distance exceeds this are of different routes: in units of the spread of
 # all demonstrations, and of their extent. In tasks looked at, routes differed by 3 to 6 spreads,
 # demonstrations of one route by up to 1.5.
@@ -17,33 +19,33 @@ _FROM, _LIKE = 10, 3
 """From so many demonstrations on, and so many on each route, one that is alone is unlike all others."""
 
 
-def unlike_all_others(positions: NDArray[np.float64], *, spread: float, extent: float) -> list[int]:
+def unlike_all_others(positions: NDArray[np.float64]) -> list[int]:
     """Indices of demonstrations that are alone on their route, where the others are many on each of theirs.
 
     They may be another route, or a mistake. Of few demonstrations nothing can be said.
 
     Args:
-        positions, spread, extent: As for `group_by_route`.
+        positions: Shape (m, N, D), in [m].
     """
-    groups = group_by_route(positions, spread=spread, extent=extent)
+    groups = group_by_route(positions)
     alone = [int(group[0]) for group in groups if len(group) == 1]
     others = len(groups) - len(alone)
     few = len(positions) < _FROM or len(positions) - len(alone) < _LIKE * max(others, 1)
     return [] if few or len(alone) > others else sorted(alone)
 
 
-def group_by_route(positions: NDArray[np.float64], *, spread: float, extent: float) -> list[NDArray[np.intp]]:
+def group_by_route(positions: NDArray[np.float64]) -> list[NDArray[np.intp]]:
     """Groups demonstrations by route, by average linkage of their largest distances.
 
     Args:
         positions: Shape (m, N, D), in [m].
-        spread, extent: Of all demonstrations, in [m]; see `drake_shared.learners.dataset.Dataset`.
 
     Returns:
         Ascending indices of each group's demonstrations; the groups are ordered by their first.
     """
     if len(positions) == 1:
         return [np.array([0])]
+    spread, extent = scale_of(positions)
     farthest = np.stack([np.square(positions - path).sum(axis=-1).max(axis=-1) for path in positions])
     tree = linkage(squareform(np.sqrt(farthest), checks=False), "average")
     labels = fcluster(tree, max(_MAX_DISTANCE * spread, _MAX_DISTANCE_EXTENT * extent), "distance")

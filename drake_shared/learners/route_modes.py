@@ -37,9 +37,8 @@ class RouteModes:
     def __init__(self, learner: Learner) -> None:
         taught = learner.demonstrations
         assert taught is not None
-        self._spread, extent = scale_of(taught)
-        groups = group_by_route(taught, spread=self._spread, extent=extent)
-        groups = sorted(groups, key=len, reverse=True)[:_MAX_ROUTES]
+        groups = sorted(group_by_route(taught), key=len, reverse=True)[:_MAX_ROUTES]
+        self._spread, _ = scale_of(taught)
         self._learner = learner
         self._grid = np.asarray(learner.grid)
         self._shares = np.array([len(group) for group in groups]) / sum(map(len, groups))

@@ -11,7 +11,6 @@ from drake_shared.arbitration.routes import Routes, routes_of
 from drake_shared.arbitration.rule import ArbitrationRule
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner
-from drake_shared.learners.dataset import scale_of
 from drake_shared.learners.route_clustering import group_by_route
 from drake_shared.robots import DiffDrive, Robot
 from drake_shared.scenario import Scenario
@@ -78,6 +77,4 @@ def demonstrated_paths(learner: Learner) -> list[NDArray[np.float64]]:
     if learner.demonstrations is None:
         return []
     positions = np.asarray(learner.demonstrations)
-    spread, extent = scale_of(positions)
-    groups = group_by_route(positions, spread=spread, extent=extent)
-    return [positions[group].mean(axis=0) for group in groups]
+    return [positions[group].mean(axis=0) for group in group_by_route(positions)]

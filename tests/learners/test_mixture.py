@@ -26,9 +26,9 @@ def fork():
 def test_demonstrations_are_grouped_by_route():
     sides = [1.0, -1.0, 1.05, 0.95, -0.9]
     positions = np.stack([way(side).positions for side in sides])
-    groups = group_by_route(positions, spread=0.6, extent=5.0)
+    groups = group_by_route(positions)
     assert [group.tolist() for group in groups] == [[0, 2, 3], [1, 4]]
-    assert [group.tolist() for group in group_by_route(positions[:1], spread=0.1, extent=5.0)] == [[0]]
+    assert [group.tolist() for group in group_by_route(positions[:1])] == [[0]]
 
 
 def test_at_the_fork_both_routes_are_modes_within_5_cm(fork):

@@ -8,7 +8,7 @@ from drake_shared.learners.route_clustering import unlike_all_others
 
 def unlike(demonstrations) -> list[int]:
     dataset = make_dataset(demonstrations)
-    return unlike_all_others(dataset.positions, spread=dataset.spread, extent=dataset.extent)
+    return unlike_all_others(dataset.positions)
 
 
 def test_one_that_goes_elsewhere_is_found_among_many(make_bows):

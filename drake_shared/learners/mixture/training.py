@@ -28,7 +28,7 @@ def train_mixture(
         duration=options.get("duration"),
         score_width=plan.parameters.score_width,
     )
-    routes = group_by_route(dataset.positions, spread=dataset.spread, extent=dataset.extent)
+    routes = group_by_route(dataset.positions)
     shares = np.array([len(route) / len(dataset.positions) for route in routes])
     leanings = np.array([dataset.weights[route].sum() for route in routes]) / shares
     datasets = [
