@@ -81,7 +81,7 @@ class RunningCockpit:
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="simulation")
         self._thread.start()
-        self._opened.wait(PATIENCE)
+        self._opened.wait(4.0 * PATIENCE)  # A loaded machine imports and builds the diagram slowly.
         if self._failure is not None:
             self.stop()
 

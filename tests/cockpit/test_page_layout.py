@@ -131,17 +131,39 @@ def stage(human_trial, until):
         yield Stage(server, load_scenario("two_obstacles"), human_trial, until)
 
 
+def open_page(context, stage):
+    stage.set_phase("ready")
+    page = context.new_page()
+    page.goto(stage.address)
+    page.wait_for_selector("#deck[data-phase=ready]")
+    page.evaluate("viewer.animate = () => {}; do_reconnect = false; viewer.connection.close()")
+    return page
+
+
 @pytest.fixture
 def page(browser_context, stage):
     # The page of the last test may still be closing.
     stage.until(lambda: stage.driver_lock.holder is None, "a free driver lock")
-    stage.set_phase("ready")
-    page = browser_context.new_page()
-    page.goto(stage.address)
-    page.wait_for_selector("#deck[data-phase=ready]")
-    page.evaluate("viewer.animate = () => {}; do_reconnect = false; viewer.connection.close()")
+    page = open_page(browser_context, stage)
     yield page
     page.close()
+
+
+@pytest.fixture(scope="module")
+def _lasting_page(lasting_context, stage):
+    page = open_page(lasting_context, stage)
+    page.click("#intro-skip")
+    return page
+
+
+@pytest.fixture
+def lasting_page(_lasting_page, stage):
+    """A page without its introduction that is used by several tests."""
+    yield _lasting_page
+    _lasting_page.keyboard.press("Escape")
+    stage.until(lambda: stage.driver_lock.holder is None, "a free driver lock")
+    stage.set_phase("ready")
+    _lasting_page.wait_for_selector("#deck[data-phase=ready]")
 
 
 def inspect_tabs(page, inspector: Inspector, state: str):
@@ -179,7 +201,8 @@ def test_every_state_is_whole_at_every_size_and_accessible(page, stage, violatio
 
 
 @pytest.mark.parametrize("watching", [False, True])
-def test_every_reason_has_a_sentence_for_driver_and_watcher(page, stage, watching):
+def test_every_reason_has_a_sentence_for_driver_and_watcher(lasting_page, stage, watching):
+    page = lasting_page
     if not watching:
         page.click("#drive")
         page.wait_for_selector("body[data-driver-lock=yours]")
@@ -199,7 +222,8 @@ def test_every_reason_has_a_sentence_for_driver_and_watcher(page, stage, watchin
     assert len(said) == len(get_args(Reason))
 
 
-def test_the_noise_found_stands_in_place_of_a_confidence_that_nobody_uses(page, stage):
+def test_the_noise_found_stands_in_place_of_a_confidence_that_nobody_uses(lasting_page, stage):
+    page = lasting_page
     stage.set_phase("driving")
     for now, label, value in (
         ({"driver_noise": 0.9}, "The commands waver by", "0.9 rad/s"),
@@ -212,14 +236,15 @@ def test_the_noise_found_stands_in_place_of_a_confidence_that_nobody_uses(page, 
         assert page.inner_text("#confidence-label") == label
 
 
-def test_the_page_asks_for_other_trials_a_learner_and_the_end_of_a_drive(page, stage):
+def test_the_page_asks_for_other_trials_a_learner_and_the_end_of_a_drive(lasting_page, stage):
+    page = lasting_page
+
     def requests():
         found = []
         while (request := stage.driver_lock.take_request()) is not None:
             found.append(request)
         return found
 
-    page.click("#intro-skip")
     page.click("#tab-setup")
     page.select_option("#choice-route", "left_right")
     page.select_option("#choice-arbitration", "halves")
@@ -242,8 +267,8 @@ def test_the_page_asks_for_other_trials_a_learner_and_the_end_of_a_drive(page, s
     assert (last.rumble, last.tone, last.resistance) == (False, True, 0.5)
 
 
-def test_two_drives_are_replayed_beside_each_other(page):
-    page.click("#intro-skip")
+def test_two_drives_are_replayed_beside_each_other(lasting_page):
+    page = lasting_page
     page.click("#tab-history")
     page.wait_for_selector("#replay-time")
     page.wait_for_function("() => document.querySelectorAll('.replay figure').length === 2")
