@@ -10,6 +10,7 @@ from drake_shared.arbitration.route_pursuit import RoutePursuit
 from drake_shared.arbitration.routes import POINTS, Routes, routes_of
 from drake_shared.common.errors import InputError
 from drake_shared.scenario import Circle, Goal, load_scenario
+from drake_shared.scenario.route_planner import plan_routes
 
 SCENARIO = dataclasses.replace(load_scenario("two_obstacles"), obstacles=[], goal=Goal(x=5.0, y=1.0))
 ROBOT = SCENARIO.robot
@@ -95,8 +96,9 @@ def test_a_position_is_projected_onto_a_route_wherever_the_search_begins():
 def test_a_demonstrated_route_is_kept_unless_an_obstacle_now_stands_on_it():
     scenario = load_scenario("two_obstacles")
     path = scenario.points_of(scenario.route("left_left"), 80)
-    planned = routes_of(scenario, [])
-    routes = routes_of(scenario, [path])
+    ways = plan_routes(scenario)
+    planned = routes_of(scenario, [], planned=ways)
+    routes = routes_of(scenario, [path], planned=ways)
     # It takes the place of the planned route on the same sides.
     assert routes.demonstrated.tolist() == [True] + [False] * (len(planned.lengths) - 1)
     assert routes.points.shape == (len(planned.lengths), POINTS, 2)
@@ -106,9 +108,8 @@ def test_a_demonstrated_route_is_kept_unless_an_obstacle_now_stands_on_it():
     np.testing.assert_allclose(steps[0], routes.lengths[0] / (POINTS - 1), rtol=0.01)
     x, y = path[40]
     crate = Circle(name="crate", x=x, y=y, radius=0.05)
-    assert not routes_of(
-        dataclasses.replace(scenario, obstacles=[*scenario.obstacles, crate]), [path]
-    ).demonstrated.any()
+    blocked = dataclasses.replace(scenario, obstacles=[*scenario.obstacles, crate])
+    assert not routes_of(blocked, [path], planned=ways).demonstrated.any()
 
 
 def test_without_a_route_there_is_nothing_to_choose_from():
