@@ -1,7 +1,7 @@
-"""Likelihood of recorded human commands under the steering law of the simulated operator.
+"""Likelihood of recorded human commands under the law of a simulated operator.
 
-The law of :class:`drake_shared.operators.steering.SteeringLaw` with first-order (Ornstein-Uhlenbeck) noise
-predicts each command from the poses before. The likelihood is evaluated on a grid of delays and yielding, at
+The law with first-order (Ornstein-Uhlenbeck) noise predicts each command from the poses before; see
+:mod:`drake_shared.analysis.operator_drives`. The likelihood is evaluated on a grid of delays and yielding, at
 each point of which skill and noise have closed forms.
 """
 
@@ -13,17 +13,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from drake_shared.common.elementwise import ARRAYS
 from drake_shared.common.errors import InputError
-from drake_shared.operators.steering import SteeringLaw
 from drake_shared.scenario import Scenario
-from drake_shared.scenario.paths import Path
-from drake_shared.simulation.lockstep.routes import RouteTable, TrialRoutes
 from drake_shared.simulation.trial import Trial
 
 Floats = NDArray[np.float64]
 
-# Share of the wheels' limit below which a command shows the intended one: noise is added after clipping.
+# Share of the largest command below which a command shows the intended one: noise is added after clipping.
 _UNSATURATED = 0.9
 # Bounds of the autocorrelation of the noise at one step.
 _CORRELATIONS = (1e-6, 0.99)
@@ -37,7 +33,7 @@ class Optimum:
         cost: Twice the negative log-likelihood, up to a constant.
         delay, yielding, skill: As in :class:`drake_shared.operators.behaviour.Behaviour`.
         correlation: Autocorrelation of the noise at one step.
-        innovation: Standard deviation of the noise's innovation at each step, in [rad/s].
+        innovation: Standard deviation of the noise's innovation at each step, in the robot's units.
     """
 
     cost: float
@@ -59,79 +55,59 @@ class Optimum:
 
 
 class DriveLikelihood:
-    """The commands of one trial and the commands of the steering law at the same poses.
+    """The commands of one trial and the commands of a law at the same poses; a base class.
+
+    A subclass implements `law_commands`.
 
     Args:
         trial: The log.
         scenario: Its scenario.
-        path: The intended path.
         name: Of the trial, for errors.
+        effort: Of each command, the reaction to pose k, as a share of the largest: shape (n,).
 
     Attributes:
-        commands: Shape (n, 2), in [rad/s]; row k is the reaction to pose k.
-        informative: Whether row k counts, with a command and wheels below their limit: shape (n,).
+        commands: Shape (n, M), in the robot's units; row k is the reaction to pose k.
+        informative: Whether row k counts, with a command below the limit: shape (n,).
         least_weight: Minimum of the human weight.
-        largest_correction: Of the wheels' speeds, for the errors seen at the shortest delay, in [rad/s].
 
     Raises:
         InputError: The rows are not one period apart, or fewer than ten steps in a row are informative.
     """
 
-    def __init__(self, trial: Trial, scenario: Scenario, path: Path, name: str) -> None:
+    has_skill = True
+    """Whether the law corrects errors by a skill."""
+    axes: int
+    """Number of elements of a command that vary."""
+
+    def __init__(self, trial: Trial, scenario: Scenario, name: str, effort: Floats) -> None:
         period = scenario.control_period
         if not np.allclose(np.diff(trial["t"]), period, atol=1e-6):
             raise InputError(name, "t", f"must have a row each {period} s")
-        self._law = SteeringLaw(scenario)
-        self._robot = scenario.diff_drive
-        self._path = path
-        self._table = RouteTable([path], search=self._law.search)
-        poses = np.stack([trial["x"], trial["y"], trial["yaw"]], axis=-1)[:-1]
-        # Interpolation between poses needs a continuous yaw.
-        poses[:, 2] = np.unwrap(poses[:, 2])
-        self._observed = np.concatenate([poses[::-1].ravel(), self._law.initial_memory])
-        self._count = len(poses)
         self.commands = trial.commands("human")[1:]
+        self.axes = self.commands.shape[1]
         self._weight = trial["human_weight"][:-1]
         self.least_weight = float(self._weight.min())
-        hands_off = (self.commands == 0.0).all(axis=1)
-        self._hands_on = ~hands_off
-        self._max_speed = _UNSATURATED * scenario.diff_drive.max_wheel_speed
-        # While the operator gives no command, the planned motion does not advance.
-        self._time = trial["t"][:-1] - period * np.cumsum(hands_off)
-        self._observations: dict[float, Floats] = {}
+        self._effort = effort
+        self._hands_on = (self.commands != 0.0).any(axis=1)
         self.select_informative(0.0)
         if self._pairs.sum() < 10:
             raise InputError(name, "", "must hold human commands in at least ten steps in a row")
-        self.largest_correction = float(np.abs(self._law_commands(0.0, 1.0)[1][self.informative]).max())
 
     def select_informative(self, yielding: float) -> None:
         """Selects the informative rows for an operator with this yielding."""
-        intended = np.abs(self.commands).max(axis=1) / (1.0 - yielding * (1.0 - self._weight))
-        self.informative = self._hands_on & (intended < self._max_speed)
+        intended = self._effort / (1.0 - yielding * (1.0 - self._weight))
+        self.informative = self._hands_on & (intended < _UNSATURATED)
         self._pairs = self.informative[1:] & self.informative[:-1]
 
-    def _observe(self, delay: float) -> Floats:
-        """The delayed pose and the arc length reached along the path, at each step: shape (4, n)."""
-        if delay not in self._observations:
-            law, reached, observed = self._law, 0.0, []
-            for index in range(self._count):
-                pose = law.recall(self._observed[3 * (self._count - 1 - index) :], delay)
-                reached = law.progress(self._path, pose, reached)
-                observed.append((*pose, reached))
-            self._observations[delay] = np.array(observed).T
-        return self._observations[delay]
+    @property
+    def largest_correction(self) -> float:
+        """Largest element of a command, for the errors seen at the shortest delay, in the robot's units."""
+        return float(np.abs(self.law_commands(0.0, 1.0)[1][self.informative]).max())
 
-    def _law_commands(self, delay: float, speed_factor: float) -> tuple[Floats, Floats]:
-        """Wheel speeds (n, 2) of the law at skill 0, and their increase per unit of skill, in [rad/s]."""
-        x, y, yaw, reached = self._observe(delay)
-        path = TrialRoutes(self._table, np.zeros(self._count, int))
-        speed, turn, correction = self._law.steer(
-            path, (x, y, yaw), reached, time=self._time, delay=delay, speed_factor=speed_factor, xp=ARRAYS
-        )
-        half = 0.5 * self._robot.track
-        base = np.stack([speed - half * turn, speed + half * turn], axis=-1) / self._robot.wheel_radius
-        per_skill = np.stack([-half * correction, half * correction], axis=-1) / self._robot.wheel_radius
-        return base, per_skill
+    def law_commands(self, delay: float, speed_factor: float) -> tuple[Floats, Floats]:
+        """Commands (n, M) of the law at skill 0, and their increase per unit of skill, in the robot's
+        units."""
+        raise NotImplementedError
 
     def sums(self, delays: Floats, yielding: Floats, speed_factor: float) -> Floats:
         """Sufficient statistics of the likelihood: shape (delays, yielding, 11), additive over trials.
@@ -142,11 +118,11 @@ class DriveLikelihood:
         """
         kept = 1.0 - yielding[:, None] * (1.0 - self._weight)
         intended = self.commands[None] / kept[..., None]
-        jacobian = 2.0 * np.log(kept[:, 1:][:, self._pairs]).sum(axis=1)
-        count = np.full(len(yielding), 2.0 * self._pairs.sum())
+        jacobian = self.axes * np.log(kept[:, 1:][:, self._pairs]).sum(axis=1)
+        count = np.full(len(yielding), float(self.axes) * self._pairs.sum())
         table = []
         for delay in delays:
-            base, per_skill = self._law_commands(float(delay), speed_factor)
+            base, per_skill = self.law_commands(float(delay), speed_factor)
             u = intended - base
             now, before = u[:, 1:][:, self._pairs], u[:, :-1][:, self._pairs]
             f, f_before = per_skill[1:][self._pairs], per_skill[:-1][self._pairs]
@@ -168,7 +144,7 @@ class DriveLikelihood:
 
     def squared_errors(self, best: Optimum, speed_factor: float) -> tuple[float, float, int]:
         """Sums of squared errors of the law and of its one-step prediction, and the number of steps."""
-        base, per_skill = self._law_commands(best.delay, speed_factor)
+        base, per_skill = self.law_commands(best.delay, speed_factor)
         kept = (1.0 - best.yielding * (1.0 - self._weight))[:, None]
         error = self.commands - kept * (base + best.skill * per_skill)
         noise = error / kept
@@ -178,13 +154,14 @@ class DriveLikelihood:
         return float((error[rows] ** 2).sum()), float((ahead[rows] ** 2).sum()), int(rows.sum())
 
 
-def maximize_likelihood(sums: Floats, delays: Floats, yielding: Floats) -> Optimum:
+def maximize_likelihood(sums: Floats, delays: Floats, yielding: Floats, *, has_skill: bool = True) -> Optimum:
     """The maximum over a grid of delays and yielding, interpolated between its points.
 
     Args:
         sums: As `DriveLikelihood.sums` returns them, added over trials.
         delays: Of the grid, in [s].
         yielding: Of the grid.
+        has_skill: False leaves the skill at 0.
 
     Returns:
         The parameters; NaN where the sums do not determine them.
@@ -192,13 +169,14 @@ def maximize_likelihood(sums: Floats, delays: Floats, yielding: Floats) -> Optim
     uu, uf, ff, uu_before, uf_before, ff_before, uu_both, uf_both, ff_both, jacobian, count = np.moveaxis(
         sums, -1, 0
     )
-    correlation = np.full(uu.shape, 0.5)
+    correlation, skill = np.full(uu.shape, 0.5), np.zeros(uu.shape)
     # Alternating maximisation: each parameter has a closed form given the other.
     with np.errstate(invalid="ignore", divide="ignore"):
         for _ in range(12):
-            skill = (uf - correlation * uf_both + correlation**2 * uf_before) / (
-                ff - 2.0 * correlation * ff_both + correlation**2 * ff_before
-            )
+            if has_skill:
+                skill = (uf - correlation * uf_both + correlation**2 * uf_before) / (
+                    ff - 2.0 * correlation * ff_both + correlation**2 * ff_before
+                )
             now = uu - 2.0 * skill * uf + skill**2 * ff
             before = uu_before - 2.0 * skill * uf_before + skill**2 * ff_before
             both = uu_both - skill * uf_both + skill**2 * ff_both

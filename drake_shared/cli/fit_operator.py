@@ -15,7 +15,15 @@ from drake_shared.common.console import say
 if TYPE_CHECKING:
     from drake_shared.analysis.operator_fit import OperatorFit
 
-_UNITS = {"skill": "", "delay": "s", "noise": "rad/s", "noise_time": "s", "yielding": ""}
+_UNITS = {
+    "skill": "",
+    "aim_ahead": "m",
+    "delay": "s",
+    "noise": "",
+    "noise_time": "s",
+    "yielding": "",
+    "plane_switch_time": "s",
+}
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -56,25 +64,28 @@ class FitOperator(Command):
             told = {"operator": _who(fit), **dataclasses.asdict(fit), "set": settings or None}
             print_json(told)
         else:
-            print_fit(fit, settings)
+            print_fit(fit, settings, trials[0].robot.command_units[0])
 
 
-def print_fit(fit: OperatorFit, settings: dict[str, Any]) -> None:
+def print_fit(fit: OperatorFit, settings: dict[str, Any], command_unit: str) -> None:
     """Prints a fit as a table.
 
     Args:
         fit: What was fitted.
         settings: What simulated operators had set, as far as it is known.
+        command_unit: Of the noise.
     """
     trials = "1 trial" if fit.trials == 1 else f"{fit.trials} trials"
     print(f"a model fitted to {trials} ({fit.steps} steps) of a {_who(fit)}: value and 95% interval")
     for name, unit in _UNITS.items():
         estimate = getattr(fit, name)
         if estimate is None:
-            print(f"  {name:12s} cannot be said: nothing assisted")
+            if name == "yielding":
+                print(f"  {name:12s} cannot be said: nothing assisted")
             continue
         interval = "" if estimate.low is None else f"  [{estimate.low:.3g}, {estimate.high:.3g}]"
         known = f"  set to {settings[name]:g}" if name in settings else ""
+        unit = command_unit if name == "noise" else unit
         print(f"  {name:12s} {estimate.value:8.3g} {unit:5s}{interval}{known}")
     print(f"  speed_factor {fit.speed_factor:8.3g}")
     print(

@@ -38,6 +38,12 @@ class SpacePath:
         position: Floats = self.points[self._index(arc_length)]
         return position
 
+    def positions_at(self, arc_lengths: Floats) -> Floats:
+        """Shape (n, D), in [m]: `position` of each of ``arc_lengths`` (n,)."""
+        index = np.clip(np.rint(arc_lengths / self._spacing).astype(int), 0, _POINTS - 1)
+        found: Floats = self.points[index]
+        return found
+
     def positions(self, count: int) -> Floats:
         """Shape (count, D), in [m]: points at equal distances along the curve."""
         index, wanted = np.arange(_POINTS), np.linspace(0.0, _POINTS - 1.0, count)

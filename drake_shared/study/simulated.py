@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from drake_shared.analysis.operator_fit import fit_operator
+from drake_shared.analysis.operator_fit import FITTED, fit_operator
 from drake_shared.experiments.common import run_in
 from drake_shared.learners import load_learner
 from drake_shared.operators.behaviour import LONGEST_DELAY, Behaviour
@@ -50,8 +50,8 @@ def fitted_behaviour(trials: Sequence[Trial], names: Sequence[str]) -> Behaviour
         InputError: The drives are not of one operator in one scenario, or hold too little motion.
     """
     fit = fit_operator(trials, names=names)
-    values = {name: max(0.0, getattr(fit, name).value) for name in ("skill", "delay", "noise", "noise_time")}
-    values["yielding"] = 0.0 if fit.yielding is None else max(0.0, fit.yielding.value)
+    found = {name: getattr(fit, name) for name in FITTED}
+    values = {name: max(0.0, estimate.value) for name, estimate in found.items() if estimate is not None}
     return Behaviour(**values, speed_factor=fit.speed_factor)
 
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from drake_shared.analysis.metrics import metrics
-from drake_shared.analysis.operator_fit import fit_operator
 from drake_shared.arbitration.authority import Authority
-from drake_shared.common.errors import InputError
 from drake_shared.common.files import models_directory
 from drake_shared.demonstrations import read_demonstrations
 from drake_shared.learners import load_learner
@@ -74,12 +72,6 @@ def test_the_same_seed_gives_the_same_trial(alone):
     settings = TrialSettings(route="right", seed=3)
     one, other = alone.run(settings), alone.run(settings)
     np.testing.assert_array_equal(one.positions, other.positions)
-
-
-def test_the_law_of_wheels_is_not_fitted_to_an_arm(alone):
-    with pytest.raises(InputError) as caught:
-        fit_operator([alone.run(TrialSettings(route="left"))], names=["drive.parquet"])
-    assert (caught.value.source, caught.value.field) == ("drive.parquet", "robot")
 
 
 def test_each_robot_has_operators_of_its_own():
