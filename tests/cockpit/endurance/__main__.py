@@ -18,13 +18,14 @@ def main() -> int:
     attack.add_argument("--only", nargs="+", choices=assault.all_names(), default=assault.all_names())
     soaking = kinds.add_parser("soak", help="a page driven for a long time")
     soaking.add_argument("--minutes", type=float, default=30.0)
+    soaking.add_argument("--scenario", help="as for drake-shared drive")
     for kind in (attack, soaking):
         kind.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args()
     if options.kind == "assault":
         report, describe = assault.run(options.seconds, options.only), assault.describe
     else:
-        report, describe = soak.run(options.minutes), soak.describe
+        report, describe = soak.run(options.minutes, options.scenario), soak.describe
     print(json.dumps(report) if options.json else describe(report))
     return 1 if report["broken"] else 0
 

@@ -21,13 +21,14 @@ class Served:
 
     Args:
         logs: Folder for its logs.
+        options: Further options.
     """
 
-    def __init__(self, logs: Path) -> None:
+    def __init__(self, logs: Path, *options: str) -> None:
         self.logs = logs
         self._stderr = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed by stop)
         command = [sys.executable, "-W", "error", "-m", "drake_shared.cli.main", "drive"]
-        command += ["--port", "0", "--no-open", "--record", str(logs)]
+        command += ["--port", "0", "--no-open", "--record", str(logs), *options]
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self._stderr, text=True)
         assert self._process.stdout is not None
         self.address = self._process.stdout.readline().strip()
@@ -43,6 +44,13 @@ class Served:
             ["ps", "-o", "rss=", "-p", str(self._process.pid)], capture_output=True, text=True
         )
         return int(answer.stdout) / 1024 if answer.stdout.strip() else float("nan")
+
+    def processor_time(self) -> float:
+        """Returns the processor time that the program has taken, in [s]."""
+        answer = subprocess.run(
+            ["ps", "-o", "cputimes=", "-p", str(self._process.pid)], capture_output=True, text=True
+        )
+        return float(answer.stdout.strip() or "nan")
 
     def new_logs(self) -> list[Path]:
         """Returns the logs written since the last call."""

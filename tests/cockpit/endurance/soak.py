@@ -24,8 +24,12 @@ _WARM_UP_TRIALS = 2  # The first log loads what writes logs.
 _TIMEOUT = 30_000  # ms
 
 
-def run(minutes: float) -> dict[str, Any]:
+def run(minutes: float, scenario: str | None = None) -> dict[str, Any]:
     """Drives one trial after another for ``minutes``, and returns the measurements.
+
+    Args:
+        minutes: Duration.
+        scenario: As for ``drake-shared drive``.
 
     Raises:
         SystemExit: There is no browser.
@@ -37,16 +41,20 @@ def run(minutes: float) -> dict[str, Any]:
         raise SystemExit("no Chromium found; name one in DRAKE_SHARED_CHROMIUM")
     seconds = 60.0 * minutes
     with tempfile.TemporaryDirectory() as logs:
-        served = Served(Path(logs))
+        options = [] if scenario is None else ["--scenario", scenario]
+        served = Served(Path(logs), *options)
         try:
             with sync_playwright() as playwright, MemoryWatch(served, every=1.0) as memory:
                 browser = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM_ARGUMENTS))
                 page = browser.new_page(viewport={"width": 640, "height": 480})
+                before, begun = served.processor_time(), time.monotonic()
                 driven, warm = _drive(page, served, seconds)
+                share = (served.processor_time() - before) / (time.monotonic() - begun)
                 browser.close()
             pace = read_pace(served.new_logs())
         finally:
             errors = served.stop()
+    driven["processor_share"] = round(share, 3)
     return _judge({"minutes": minutes, **pace, **driven, **_flatness(memory, warm)}, errors)
 
 
