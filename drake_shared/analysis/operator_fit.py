@@ -52,6 +52,8 @@ _LEAST_ASSISTANCE = 0.02
 # the noise seem shorter than it is: the last searches use them as well, in the end in steps of the delay so
 # small that few steps of the operator fall on other points.
 _SPACING = 0.0005
+_FINE_POINTS = 4001
+"""Number of points of an arm's path with which the likelihood is smooth."""
 _NEAR = ((0.02, 0.0025), (0.004, 0.0005))
 """How far from the best delay, and in which steps, the last searches go, in [s]."""
 # Speed factors around the best, with which yielding varies in the jackknife.
@@ -152,7 +154,9 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
     _, aim, best, speed_factor = min(found, key=lambda item: item[0])
     _aim(drives, aim)
     low, high = max(best.delay - _COARSE, 0.0), min(best.delay + _COARSE, LONGEST_DELAY)
-    _, best = search(np.linspace(low, high, round((high - low) / _FINE) + 1), yielding, speed_factor)
+    delays = np.linspace(low, high, round((high - low) / _FINE) + 1)
+    sums, best = search(delays, yielding, speed_factor)
+    smooth = _without_each(sums, delays, yielding, has_skill=drives[0].has_skill)
     # The steps of the delay are now so small that its interval comes from the trials and not from the grid.
     drives = _drives(trials, names, scenario)
     _aim(drives, aim)
@@ -183,6 +187,10 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
     estimates |= {name: _jackknife(value, [item[name] for item in others]) for name, value in fitted.items()}
     if not has_skill:
         estimates["skill"] = None
+    if isinstance(drives[0], TipDrive):
+        # From one of the operator's points to the next the likelihood has a maximum of its own, whose
+        # curvature is not that of the whole.
+        estimates["delay"] = _jackknife(fitted["delay"], [item.delay for item in smooth])
     # An operator who yields more and means to go faster gives nearly the same commands.
     estimates["yielding"] = _jackknife_yielding(drives, best, speed_factor, yielding) if assisted else None
     if aim is not None:
@@ -273,7 +281,12 @@ def _drives(
     for trial, name in zip(trials, names, strict=True):
         route = scenario.route(trial.metadata["route"])
         if isinstance(scenario.robot, Arm):
-            drives.append(TipDrive(trial, scenario, SpacePath(route.waypoints), name))
+            curve = (
+                SpacePath(route.waypoints)
+                if spacing is None
+                else SpacePath(route.waypoints, count=_FINE_POINTS)
+            )
+            drives.append(TipDrive(trial, scenario, curve, name))
         else:
             path = scenario.path_of(route) if spacing is None else route.path(scenario.start, spacing=spacing)
             drives.append(WheelDrive(trial, scenario, path, name))

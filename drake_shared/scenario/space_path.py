@@ -17,21 +17,23 @@ class SpacePath:
 
     Args:
         waypoints: Shape (n, D), n >= 2, in [m].
+        count: Number of points that represent the curve.
 
     Attributes:
         length: In [m].
-        points: Shape (401, D), in [m], at equal distances along the curve.
+        points: Shape (count, D), in [m], at equal distances along the curve.
     """
 
-    def __init__(self, waypoints: ArrayLike) -> None:
+    def __init__(self, waypoints: ArrayLike, *, count: int = _POINTS) -> None:
         corners = np.asarray(waypoints, dtype=float)
         knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
-        fine = CubicSpline(knots, corners, bc_type="natural")(np.linspace(0.0, knots[-1], 4 * _POINTS))
+        fine = CubicSpline(knots, corners, bc_type="natural")(np.linspace(0.0, knots[-1], 4 * count))
         arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))])
         self.length = float(arc[-1])
-        wanted = np.linspace(0.0, self.length, _POINTS)
+        wanted = np.linspace(0.0, self.length, count)
         self.points: Floats = np.stack([np.interp(wanted, arc, axis) for axis in fine.T], axis=-1)
-        self._spacing = self.length / (_POINTS - 1)
+        self._last = count - 1
+        self._spacing = self.length / self._last
 
     def position(self, arc_length: float) -> Floats:
         """Shape (D,), in [m]: the nearest of ``points`` to an arc length in [m], held at the ends."""
@@ -40,13 +42,13 @@ class SpacePath:
 
     def positions_at(self, arc_lengths: Floats) -> Floats:
         """Shape (n, D), in [m]: `position` of each of ``arc_lengths`` (n,)."""
-        index = np.clip(np.rint(arc_lengths / self._spacing).astype(int), 0, _POINTS - 1)
+        index = np.clip(np.rint(arc_lengths / self._spacing).astype(int), 0, self._last)
         found: Floats = self.points[index]
         return found
 
     def positions(self, count: int) -> Floats:
         """Shape (count, D), in [m]: points at equal distances along the curve."""
-        index, wanted = np.arange(_POINTS), np.linspace(0.0, _POINTS - 1.0, count)
+        index, wanted = np.arange(len(self.points)), np.linspace(0.0, float(self._last), count)
         return np.stack([np.interp(wanted, index, axis) for axis in self.points.T], axis=-1)
 
     def nearest(self, position: Floats, *, between: tuple[float, float]) -> float:
@@ -57,4 +59,4 @@ class SpacePath:
         return (first + int((offsets * offsets).sum(axis=1).argmin())) * self._spacing
 
     def _index(self, arc_length: float) -> int:
-        return min(max(round(arc_length / self._spacing), 0), _POINTS - 1)
+        return min(max(round(arc_length / self._spacing), 0), self._last)
