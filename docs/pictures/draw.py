@@ -25,11 +25,13 @@ from drake_shared import (
     Simulation,
     Trial,
     TrialSettings,
+    config_for,
     load_learner,
     load_scenario,
     teach,
     train,
 )
+from drake_shared.simulation.config import blend_for
 
 HERE = Path(__file__).parent
 HUMAN, AGENT, OBSTACLE, GOAL = "#0072b2", "#d55e00", "0.55", "#009e73"
@@ -71,7 +73,7 @@ def save(name: str, draw: Callable[[], Figure]) -> None:
 def prediction() -> Figure:
     """The predicted path and its spread at four moments of one trial."""
     scenario = load_scenario("two_obstacles")
-    simulation = Simulation(scenario, learner=load_learner("two_obstacles"))
+    simulation = Simulation(scenario, learner=load_learner("two_obstacles"), config=blend_for("default"))
     running = simulation.begin(TrialSettings(route="right_left", seed=1))
     estimator, arbiter = simulation.parts.estimator, simulation.parts.arbiter
     figure, axes = plt.subplots(2, 2, figsize=(9, 5), layout="constrained", sharex=True, sharey=True)
@@ -100,7 +102,8 @@ def weight() -> Figure:
     scenario = load_scenario("two_obstacles")
     figure, axis = plt.subplots(figsize=(8, 2.8), layout="constrained")
     for preset, style in (("default", "-"), ("paper", "--")):
-        simulation = Simulation(scenario, learner=load_learner(f"two_obstacles_{preset}"))
+        learner = load_learner(f"two_obstacles_{preset}")
+        simulation = Simulation(scenario, learner=learner, config=blend_for(preset))
         trial = simulation.run(TrialSettings(route="right_left", seed=1))
         axis.plot(trial["x"], trial["human_weight"], style, color=HUMAN, label=f"preset {preset}")
     for obstacle in scenario.obstacles:
@@ -115,7 +118,8 @@ def gain() -> Figure:
     """Confidence against mean variance for three values of K."""
     learner = load_learner("two_obstacles")
     scenario = load_scenario("two_obstacles")
-    trial = Simulation(scenario, learner=learner).run(TrialSettings(route="right_left", seed=1))
+    simulation = Simulation(scenario, learner=learner, config=blend_for("default"))
+    trial = simulation.run(TrialSettings(route="right_left", seed=1))
     variance = np.geomspace(1e-4, 1.0, 300)
     figure, axis = plt.subplots(figsize=(8, 2.8), layout="constrained")
     for factor, style in ((0.2, ":"), (1.0, "-"), (5.0, "--")):
@@ -168,7 +172,8 @@ def hall() -> Figure:
     file.write_text(HALL, encoding="utf-8")
     scenario = load_scenario(file)
     file.unlink()
-    simulation = Simulation(scenario, learner=train(teach(scenario)))
+    config = config_for("default", arbitration="blend")
+    simulation = Simulation(scenario, learner=train(teach(scenario)), config=config)
     trials = [
         simulation.run(TrialSettings(route=scenario.routes[seed % 2].name, seed=seed)) for seed in range(10)
     ]

@@ -31,7 +31,8 @@ FLAGS = ["--no-sandbox", "--use-gl=swiftshader", "--enable-unsafe-swiftshader", 
 def main() -> None:
     """Starts ``drake-shared drive``, waits for the trial and films it."""
     with tempfile.TemporaryDirectory() as logs:
-        options = ["--operator", "surrogate", "--port", "0", "--no-open", "--record", logs]
+        options = ["--operator", "surrogate", "--arbitration", "blend", "--port", "0", "--no-open"]
+        options += ["--record", logs]
         program = subprocess.Popen(
             [sys.executable, "-m", "drake_shared.cli.main", "drive", *options],
             stdout=subprocess.PIPE,
