@@ -141,11 +141,17 @@ def _fit_share(frame: pd.DataFrame, fixed: pd.DataFrame, freedom: float) -> Fit:
     )
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
-        found = model.fit(cov_type="bias_reduced")
+        try:
+            found = model.fit(cov_type="bias_reduced")
+            covariance = np.asarray(found.cov_params())
+        except np.linalg.LinAlgError:
+            # A participant alone determines a coefficient, so that its variance is unknown.
+            found = model.fit(cov_type="naive")
+            covariance = np.full((len(found.params), len(found.params)), math.nan)
     return Fit(
         names=list(fixed),
         values=np.asarray(found.params),
-        covariance=np.asarray(found.cov_params()),
+        covariance=covariance,
         freedom=freedom,
         model="GEE, identity link, exchangeable within participants",
     )

@@ -1,5 +1,6 @@
 """The analysis of studies: data with known answers, lme4, and studies without an effect."""
 
+import itertools
 import json
 import math
 import shutil
@@ -82,6 +83,19 @@ def test_shares_are_compared_as_differences_of_shares():
     assert found.verdict == "different"
     always = [row | {"value": 1.0} for row in rows]
     assert contrasts_of([(SUCCESS, always)], ["a", "b"], within=True)[0].verdict == "open"
+
+
+@pytest.mark.parametrize("outcomes", list(itertools.product((0.0, 1.0), repeat=4)))
+def test_two_participants_leave_a_share_undecided(outcomes):
+    rows = [
+        {"participant": who, "condition": condition, "place": place, "route": "0", "value": value}
+        for (who, place, condition), value in zip(
+            (("A", 0, "a"), ("A", 1, "b"), ("B", 0, "b"), ("B", 1, "a")), outcomes, strict=True
+        )
+    ]
+    (found,) = contrasts_of([(SUCCESS, rows)], ["a", "b"], within=True)
+    assert found.p == 1.0
+    assert found.verdict == "open"
 
 
 def test_holm_adjusts_over_all_contrasts_of_a_family():
