@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,12 +62,8 @@ class WheelDrive(DriveLikelihood):
     def _observe(self, delay: float) -> Floats:
         """The delayed pose and the arc length reached along the path, at each step: shape (4, n)."""
         if delay not in self._observations:
-            law, reached, observed = self._law, 0.0, []
-            for index in range(self._count):
-                pose = law.recall(self._observed[3 * (self._count - 1 - index) :], delay)
-                reached = law.progress(self._path, pose, reached)
-                observed.append((*pose, reached))
-            self._observations[delay] = np.array(observed).T
+            steps = _seen(self._law, self._path, self._observed, self._count, delay)
+            self._observations[delay] = np.array([(*pose, reached) for pose, reached in steps]).T
         return self._observations[delay]
 
 
@@ -119,11 +117,11 @@ class TipDrive(DriveLikelihood):
         """The delayed position, the arc length reached, and what `ReachingLaw.guide` returns, at each
         step."""
         if delay not in self._observations:
-            law, path, reached, observed = self._law, self._path, 0.0, []
-            for index in range(self._count):
-                position = law.recall(self._observed[3 * (self._count - 1 - index) :], delay)
-                reached = law.progress(path, position, reached)
-                observed.append((position, reached, *law.guide(path, position, reached)))
+            steps = _seen(self._law, self._path, self._observed, self._count, delay)
+            observed = [
+                (position, reached, *self._law.guide(self._path, position, reached))
+                for position, reached in steps
+            ]
             self._observations[delay] = tuple(map(np.array, zip(*observed, strict=True)))
         return self._observations[delay]
 
@@ -136,3 +134,20 @@ class TipDrive(DriveLikelihood):
             if len(later):
                 found.append(float(period * (later[0] - at)))
         return found
+
+
+def _seen(law: Any, path: Any, memory: Floats, count: int, delay: float) -> Iterator[tuple[Any, float]]:
+    """What an operator sees after its delay, and the arc length reached, at each of ``count`` steps.
+
+    Args:
+        law: Of the operator.
+        path: The intended one, of the kind that ``law`` follows.
+        memory: Three numbers for each step, the newest first, and those before the start.
+        count: Number of steps.
+        delay: In [s].
+    """
+    reached = 0.0
+    for index in range(count):
+        seen = law.recall(memory[3 * (count - 1 - index) :], delay)
+        reached = law.progress(path, seen, reached)
+        yield seen, reached
