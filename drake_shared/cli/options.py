@@ -20,7 +20,7 @@ from drake_shared.simulation.config import SharedControlConfig, config_for, load
 Control = Annotated[SharedControlConfig, tyro.conf.arg(name=""), tyro.conf.FlagConversionOff]
 """Every field of the config is an option."""
 _OF_THE_BLEND = ("--authority", "--confidence-gain", "--look-ahead")
-"""Options that only the blend heeds: they choose it where no arbiter is chosen."""
+"""Options that only the blend uses: they select it if no arbiter is named."""
 
 
 @dataclasses.dataclass(kw_only=True)
