@@ -30,12 +30,13 @@ _RAMP = 1.5
 # Points between the robot and the first prediction, and points checked on each piece of a path.
 _LEAD, _CHECKED = 8, 4
 _LEAD_SHARES = np.linspace(0.0, 1.0, _LEAD, endpoint=False)
+_CHECKED_SHARES = np.arange(_CHECKED) / _CHECKED
 # Kept by the arc to the point that is followed, in [m]; and how far that point is held back, at most.
 _ARC_CLEARANCE = 0.04
 # Where the robot is looked at on that arc, in [s]: it drives it so slowly that no wheel is too fast.
 _ARC_TIMES = np.linspace(0.0, 1000.0, 7)
 _SHARES = (1.0, 0.75, 0.55, 0.4, 0.25, 0.12, 0.0)
-_ROUNDS, _MARCHES = 4, 12
+_ROUNDS, _MARCHES, _CONVERGED = 4, 12, 1e-4
 
 
 class PathRepair:
@@ -109,14 +110,13 @@ class PathRepair:
 
     def _rows_near(self, robot: Floats, paths: Floats, times: Floats, now: Floats) -> NDArray[np.intp]:
         """Indices of the paths that come nearer to an obstacle than wanted."""
-        halfway = 0.5 * (robot + paths[:, 0])
-        whole = np.concatenate([halfway[:, None], paths], axis=1)
-        found = np.zeros(whole.shape[:2], bool)
+        whole = np.concatenate([0.5 * (robot + paths[:, 0])[:, None], paths], axis=1)
         at = np.concatenate([0.5 * (now + times[:, 0])[:, None], times], axis=1)
+        near = np.zeros(len(paths), bool)
         for item, margin in zip(self._obstacles, self._margins, strict=True):
             relative = whole - displacements(item, at) if item.path else whole
-            found[obstacle_distance(item, relative) < self._radius + margin] = True
-        return np.flatnonzero(found.any(axis=1))
+            near |= obstacle_distance(item, relative).min(axis=1) < self._radius + margin
+        return np.flatnonzero(near)
 
     def _moved_aside(self, whole: Floats, shifts: list[Floats]) -> Floats:
         """Paths (n, m, 2), which begin at the robot, with each stretch near an obstacle moved aside."""
@@ -133,6 +133,8 @@ class PathRepair:
         """Moves the first stretch of each path that is near one obstacle aside; whether there was one."""
         relative = whole - shift if item.path else whole
         distance = obstacle_distance(item, relative)
+        if distance.min() >= self._radius + margin:
+            return False
         # Where the robot or the end of its path already is nearer, no more can be kept than it has there.
         kept = np.minimum(self._radius + margin, np.minimum(distance[:, 0], distance[:, -1]) - 1e-6)
         kept = np.maximum(kept, self._radius + self._least)
@@ -155,13 +157,14 @@ class PathRepair:
             side = float(to_center[np.hypot(*to_center.T).argmin()] @ left)
             aside = left if side >= 0.0 else -left
             far = 2.0 * item.bounding_radius() + 2.0 * kept[row]
-            reach = np.full(len(stretch), far)
+            # From the far side towards the obstacle, in steps that cannot lead into it.
+            reach = far
             for _ in range(_MARCHES):
-                beyond = obstacle_distance(item, stretch + reach[:, None] * aside) - kept[row]
-                if beyond.max() <= 0.0:
+                beyond = float(obstacle_distance(item, stretch + reach * aside).min()) - kept[row]
+                reach -= beyond
+                if beyond < _CONVERGED:
                     break
-                reach -= np.maximum(beyond, 0.0)
-            offset = float(reach.max()) + 1e-3
+            offset = reach + 1e-3
             if self._is_outside(whole[row, first:after] + offset * aside).any():
                 continue
             (arc,) = arc_lengths(whole[row : row + 1])
@@ -214,13 +217,11 @@ class PathRepair:
     def _ends(self, aside: Floats, whole: Floats, shifts: list[Floats]) -> NDArray[np.int64]:
         """Index (n,) of the last point of each path before it meets an obstacle or leaves the workspace."""
         count = aside.shape[1]
-        fine = np.arange((count - 1) * _CHECKED + 1) / _CHECKED
-        begin = np.minimum(fine.astype(int), count - 2)
-        share = (fine - begin)[:, None]
 
         def refined(values: Floats) -> Floats:
-            between: Floats = values[:, begin] + share * (values[:, begin + 1] - values[:, begin])
-            return between
+            steps = values[:, 1:] - values[:, :-1]
+            between = values[:, :-1, None] + _CHECKED_SHARES[:, None] * steps[:, :, None]
+            return np.concatenate([between.reshape(len(values), -1, 2), values[:, -1:]], axis=1)
 
         points = refined(aside)
         blocked = np.zeros(points.shape[:2], bool)
@@ -231,7 +232,7 @@ class PathRepair:
         outside = self._is_outside(points)
         if outside.any():
             blocked |= outside & (np.abs(points - refined(whole)).max(axis=2) > 1e-9)
-        first = np.where(blocked.any(axis=1), blocked.argmax(axis=1), len(fine))
+        first = np.where(blocked.any(axis=1), blocked.argmax(axis=1), points.shape[1])
         ends: NDArray[np.int64] = np.minimum(np.maximum(first - 1, 0) // _CHECKED, count - 1)
         return ends
 
