@@ -20,7 +20,7 @@ from drake_shared.arbitration.routes import Routes
 from drake_shared.arbitration.rule import ArbiterInputs, State
 from drake_shared.common.elementwise import ARRAYS
 from drake_shared.common.errors import InputError
-from drake_shared.robots import DiffDrive
+from drake_shared.robots import DiffDrive, scaled_length
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ _DECIMALS = 9
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HindsightModel:
-    """Costs of a route, and the model of a driver.
+    """Costs of a route, and the model of a driver. Lengths are those for the Pioneer P3-DX.
 
     Raises:
         InputError: A value is out of range.
@@ -138,6 +138,8 @@ class Hindsight:
         self._model = model
         self._robot = robot
         self._pursuit = RoutePursuit(routes, robot=robot, look_ahead=model.horizon, travel_time=travel_time)
+        # Lengths of the model are for the Pioneer P3-DX; a length in the world is this many times as large.
+        self._scale = scaled_length(robot, 1.0)
         self._memory = round(model.delay / period) + 1
         self._prior = np.full(self._pursuit.count, 1.0 / self._pursuit.count)
         # The human share of each candidate.
@@ -175,7 +177,7 @@ class Hindsight:
             np.concatenate([np.repeat(index[None], count, axis=0), near]),
         )
         probability = self._updated(before, values[count] - values[count + 1], human)
-        penalty = self._model.deviation * np.abs(ends - ends[0]) ** 2
+        penalty = self._model.deviation * (np.abs(ends - ends[0]) / self._scale) ** 2
         chosen = least_expected(probability, values[:count], penalty)
         command = np.take_along_axis(candidates, chosen[None, None], axis=1)[:, 0]
         return self._shares[chosen], command, {**after, "probability": probability}
@@ -225,4 +227,5 @@ class Hindsight:
     def _values(self, ends: NDArray[np.complex128], index: NDArray[np.int64]) -> Floats:
         """Cost to go (..., K, n) from positions near the points ``index``, both (..., K, n)."""
         _, left, distance = self._pursuit.project(ends, index)
+        left, distance = left / self._scale, distance / self._scale
         return route_value(left, distance, slope=self._model.slope, width=self._model.width)

@@ -13,15 +13,15 @@ from pydrake.systems.framework import Context, ValueProducer
 from drake_shared.arbitration.rt_v2 import COMMAND_VARIANCE, corrected_modes, obstacle_cost
 from drake_shared.common.errors import InputError
 from drake_shared.learners import Learner, MultimodalLearner
-from drake_shared.robots import DiffDrive, Robot
+from drake_shared.robots import DiffDrive, Robot, scaled_length
 from drake_shared.scenario import Scenario
 from drake_shared.scenario.planar_distance import PlanarDistance
 from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.discrete_update import check_positive
 from drake_shared.systems.intention import Intention
 
-# Distance beyond the body at which an obstacle begins to cost, in [m]. The published cost is of a world ten
-# times as large: from further away it would outweigh what the driver wants.
+# Distance beyond the body at which an obstacle begins to cost, in [m] for the Pioneer P3-DX. The published
+# cost is of a world ten times as large: from further away it would outweigh what the driver wants.
 _NEAR = 0.05
 
 
@@ -54,8 +54,9 @@ class RobotTrajectron(Arbiter):
     Args:
         scenario: Its static obstacles are known.
         look_ahead: In [s].
-        command_variance: Of the noise of the driver's velocity, in [m^2/s^2].
-        least_variance: Of the velocity of a mode, in [m^2/s^2]. A narrow mode would be as unlikely as all
+        command_variance: Of the noise of the driver's velocity, in [m^2/s^2] for the Pioneer P3-DX; it scales
+            with the size of the robot.
+        least_variance: Of the velocity of a mode, in the same unit. A narrow mode would be as unlikely as all
             others, whatever the driver does.
         robot, period, driver: See :class:`~drake_shared.systems.arbiter.Arbiter`.
 
@@ -85,7 +86,9 @@ class RobotTrajectron(Arbiter):
             raise InputError("RobotTrajectron", "robot", "must be a differential drive")
         self._look_ahead, self._command_variance = float(look_ahead), float(command_variance)
         self._least_variance = float(least_variance)
-        self._contact = self.robot.footprint_radius
+        # Costs and variances are for the Pioneer P3-DX; a length in the world is this many times as large.
+        self._scale = scaled_length(self.robot, 1.0)
+        self._contact = self.robot.footprint_radius / self._scale
         self._distance = PlanarDistance(scenario.static_obstacles)
         self._step_cache = self.DeclareCacheEntry(
             "step", ValueProducer(lambda: Value(_HUMAN), self._calc_step), {self.all_input_ports_ticket()}
@@ -142,19 +145,20 @@ class RobotTrajectron(Arbiter):
             output.set_value(_HUMAN)
             return
         time = max(float(intention.times[ahead]) - intention.time, 1e-3)
-        here = np.array(self.robot.position(pose))
-        led = np.array(self.robot.rollout(pose, human, time))
+        scale = self._scale
+        here = np.array(self.robot.position(pose)) / scale
+        led = np.array(self.robot.rollout(pose, human, time)) / scale
         entry = ahead - intention.first
         probability, velocity, gain = corrected_modes(
             modes.probability[known, None],
-            ((modes.mean[known, entry] - here) / time)[..., None],
-            np.maximum(modes.variance[known, entry] / time**2, self._least_variance)[..., None],
+            ((modes.mean[known, entry] / scale - here) / time)[..., None],
+            np.maximum(modes.variance[known, entry] / (time * scale) ** 2, self._least_variance)[..., None],
             ((led - here) / time)[:, None],
             command_variance=self._command_variance,
         )
-        targets = here + velocity[..., 0] * time
+        targets = scale * (here + velocity[..., 0] * time)
         cost = -np.log(probability[:, 0])
-        distance = self._distance.least(targets[:, 0], targets[:, 1])
+        distance = self._distance.least(targets[:, 0], targets[:, 1]) / scale
         cost += obstacle_cost(distance, contact=self._contact, near=self._contact + _NEAR)
         best = int(cost.argmin())
         command = self.robot.command_toward(pose, targets[best].tolist(), time)

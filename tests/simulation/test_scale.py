@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from drake_shared.common.files import models_directory
-from drake_shared.learners import load_learner
+from drake_shared.learners import load_learner, train
 from drake_shared.scenario import Scenario, check_scenario
+from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.teaching import teach
 from drake_shared.simulation.trial import Simulation, TrialSettings
 
@@ -52,6 +53,19 @@ class ScaledLearner:
         return self._scale * mean, self._scale**2 * variance
 
 
+class ScaledModes(ScaledLearner):
+    """The same for a learner that predicts modes."""
+
+    def predict_modes(self, times, positions, query_times):
+        mean, variance, modes = self._learner.predict_modes(
+            times, np.asarray(positions) / self._scale, query_times
+        )
+        modes = dataclasses.replace(
+            modes, mean=self._scale * modes.mean, variance=self._scale**2 * modes.variance
+        )
+        return self._scale * mean, self._scale**2 * variance, modes
+
+
 @pytest.fixture(scope="module")
 def learner():
     return load_learner(models_directory() / "learners" / "two_obstacles_default.safetensors")
@@ -73,6 +87,25 @@ def test_the_human_weight_and_the_outcome_do_not_depend_on_the_scale(scenario, l
         np.testing.assert_allclose(trial["human_weight"], reference["human_weight"], atol=0.02)
         np.testing.assert_allclose(trial.positions, scale * reference.positions, atol=0.02 * scale)
         assert trial["contact"].any() == reference["contact"].any()
+
+
+@pytest.mark.parametrize("arbitration", ["hindsight", "rt-v2"])
+def test_arbiters_that_weigh_distances_do_not_depend_on_the_scale(scenario, learner, arbitration):
+    kind = ScaledLearner
+    if arbitration == "rt-v2":
+        learner = train(teach(scenario, count=3, seed=5), learner="mixture", iterations=100)
+        kind = ScaledModes
+    trials = [
+        Simulation(
+            scaled(scenario, scale),
+            learner=kind(learner, scale, "of my own"),
+            config=SharedControlConfig(arbitration=arbitration),
+        ).run(TrialSettings(seed=3, route="left_right"))
+        for scale in (1.0, 0.3)
+    ]
+    plain, small = (trial["human_weight"] for trial in trials)
+    assert 0.0 < plain.mean() < 1.0
+    np.testing.assert_allclose(small, plain, atol=0.02)
 
 
 @pytest.mark.parametrize("scale", [0.1, 10.0])
