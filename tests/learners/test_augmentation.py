@@ -24,6 +24,11 @@ def test_equal_demonstrations_have_equal_weights_and_few_are_widened():
     np.testing.assert_allclose(unexplained(shares), np.sqrt(1 / 3))
 
 
+def test_two_equal_demonstrations_are_widened_most():
+    _, gains = make_neighborhoods(routes(0.3, 0.3), reach=0.1, widening=1.0)
+    np.testing.assert_allclose(gains, np.sqrt(2.0))
+
+
 def test_weights_fall_with_the_largest_distance():
     shares, _ = make_neighborhoods(routes(0.0, 0.1), reach=0.1, widening=1.0)
     assert shares[0, 1] / shares[0, 0] == pytest.approx(np.exp(-0.5))

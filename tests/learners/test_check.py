@@ -80,6 +80,35 @@ class ItsOwnData(MeanLearner):
         return self.demonstrations[0, first:], self.demonstrations[1, first:] + 1.0
 
 
+class OneArrayForBoth(MeanLearner):
+    def predict(self, times, positions, query_times):
+        _, variance = super().predict(times, positions, query_times)
+        return variance, variance
+
+
+class ErasesWhatItReturned(MeanLearner):
+    last = np.zeros(1)
+
+    def predict(self, times, positions, query_times):
+        self.last[...] = 0.0
+        mean, variance = super().predict(times, positions, query_times)
+        self.last = mean
+        return mean, variance
+
+
+class FailsFor(MeanLearner):
+    """Predicts NaN from some number of observations, or for some number of queries."""
+
+    def __init__(self, observations: int = -1, queries: int = -1) -> None:
+        super().__init__()
+        self.bad = observations, queries
+
+    def predict(self, times, positions, query_times):
+        mean, variance = super().predict(times, positions, query_times)
+        is_bad = len(times) == self.bad[0] or len(query_times) == self.bad[1]
+        return mean, variance * (np.nan if is_bad else 1.0)
+
+
 class Raises(MeanLearner):
     def predict(self, times, positions, query_times):
         return self.demonstrations[99], self.demonstrations[99]
@@ -96,14 +125,24 @@ class OtherPrefixes(MeanLearner):
         return [(mean, 2.0 * variance)] * len(times)
 
 
-class ImprobableModes(MeanLearner):
+class TwoModes(MeanLearner):
+    """Two equal modes, or what is given in place of a field."""
+
+    def __init__(self, **fields) -> None:
+        super().__init__()
+        self.fields = fields
+
     def predict_modes(self, times, positions, query_times):
         mean, variance = self.predict(times, positions, query_times)
-        probability = np.array([0.5, 0.6])
-        modes = Modes(
-            probability=probability, mean=np.stack([mean] * 2), variance=np.ones((2, *mean.shape)), aim=0
-        )
-        return mean, variance, modes
+        fields = {
+            "probability": np.array([0.5, 0.5]),
+            "mean": np.stack([mean] * 2),
+            "variance": np.stack([variance] * 2),
+            "aim": 1,
+        }
+        shift = self.fields.get("shift", np.zeros(2))
+        given = {name: value for name, value in self.fields.items() if name != "shift"}
+        return mean + shift[0], variance + shift[1], Modes(**{**fields, **given})
 
 
 def with_attributes(**attributes) -> MeanLearner:
@@ -128,6 +167,8 @@ def test_a_class_annotated_with_arrays_is_a_learner_for_any_position_size(size):
         NotFinite,
         SinglePrecision,
         ItsOwnData,
+        OneArrayForBoth,
+        ErasesWhatItReturned,
         Raises,
         OnlyTheMean,
     ],
@@ -139,13 +180,48 @@ def test_wrong_predictions_are_refused(kind):
     assert "mean" in error.value.source
 
 
-@pytest.mark.parametrize(
-    ("kind", "field"), [(OtherPrefixes, "predict_prefixes"), (ImprobableModes, "predict_modes")]
-)
-def test_optional_methods_must_agree_with_predict(kind, field):
+@pytest.mark.parametrize("case", [{"observations": 0}, {"observations": 2}, {"queries": 1}, {"queries": 20}])
+def test_predictions_are_tried_without_with_one_and_with_two_observations_and_up_to_the_last_time(case):
     with pytest.raises(InputError) as error:
-        check_learner(kind())
-    assert error.value.field == field
+        check_learner(FailsFor(**case))
+    assert error.value.field == "predict"
+
+
+@pytest.mark.parametrize("change", [lambda all_: all_[:-1], lambda all_: [], lambda all_: all_ * 2])
+def test_prefixes_are_as_many_as_the_observations(change):
+    class Prefixes(MeanLearner):
+        def predict_prefixes(self, times, positions, query_times):
+            return change([self.predict(times, positions, query_times)] * len(times))
+
+    with pytest.raises(InputError) as error:
+        check_learner(Prefixes())
+    assert error.value.field == "predict_prefixes"
+
+
+def test_prefixes_must_end_with_what_predict_returns():
+    with pytest.raises(InputError) as error:
+        check_learner(OtherPrefixes())
+    assert error.value.field == "predict_prefixes"
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"probability": np.array([0.5, 0.6])},
+        {"probability": np.array([1.5, -0.5])},
+        {"mean": np.zeros((2, 3, 2))},
+        {"variance": np.zeros((1, 20, 2))},
+        {"aim": 2},
+        {"aim": -1},
+        {"shift": np.array([1e-3, 0.0])},
+        {"shift": np.array([0.0, 1e-3])},
+    ],
+)
+def test_modes_that_contradict_the_prediction_or_themselves_are_refused(fields):
+    check_learner(TwoModes())
+    with pytest.raises(InputError) as error:
+        check_learner(TwoModes(**fields))
+    assert error.value.field == "predict_modes"
 
 
 @pytest.mark.parametrize(
@@ -159,7 +235,10 @@ def test_optional_methods_must_agree_with_predict(kind, field):
         ("grid", GRID + 1.0),
         ("grid", GRID[:1]),
         ("grid", GRID[:, None]),
+        ("grid", np.where(GRID == 1.0, GRID[9], GRID)),
+        ("grid", np.where(GRID == 2.0, np.inf, GRID)),
         ("demonstrations", np.zeros((1, 5, 2))),
+        ("demonstrations", np.zeros((21, 2))),
         ("demonstrations", np.full((1, 21, 2), np.nan)),
         ("demonstrations", None),
         ("metadata", None),
@@ -169,6 +248,27 @@ def test_wrong_attributes_are_refused(field, value):
     with pytest.raises(InputError) as error:
         check_learner(with_attributes(**{field: value}))
     assert error.value.field == field
+
+
+def test_the_grid_ends_at_the_duration():
+    for duration in (1.9, 2.1):
+        with pytest.raises(InputError) as error:
+            check_learner(with_attributes(duration=duration))
+        assert error.value.field == "grid"
+    endless = np.where(GRID == 2.0, np.inf, GRID)
+    with pytest.raises(InputError) as error:
+        check_learner(with_attributes(grid=endless, duration=np.inf))
+    assert error.value.field == "grid"
+
+
+def test_by_the_clock_of_time_demonstrations_may_be_unknown():
+    class Unknown(MeanLearner):
+        def predict(self, times, positions, query_times):
+            return np.zeros((len(query_times), 2)), np.ones((len(query_times), 2))
+
+    learner = Unknown()
+    learner.demonstrations, learner.metadata = None, {}
+    check_learner(learner)
 
 
 @pytest.mark.parametrize("metadata", [{"clock": "sun"}, {"evidence": "thoughts"}])

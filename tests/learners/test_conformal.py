@@ -95,8 +95,56 @@ def test_the_wrapper_is_a_learner_whose_variance_is_scaled():
     assert (wrapped.predict(*query)[1] > 0.0).all()
 
 
+def test_an_alpha_of_1_covers_nothing_and_one_of_0_everything():
+    conformal = AdaptiveConformal(coverage=0.5, rate=0.5)
+    assert conformal.factor == 1.0
+    assert conformal.observe(1.0)
+    assert conformal.alpha == 0.75
+    # With one score and the one to come, the quantile at a quarter is the smallest.
+    assert conformal.factor == 1.0
+    assert conformal.observe(0.5)
+    assert conformal.alpha == 1.0
+    assert conformal.factor == 0.0
+    for score in (10.0, 20.0, 30.0, 40.0):
+        assert not conformal.observe(score)
+    assert conformal.alpha == 0.0
+    assert conformal.factor == math.inf
+    assert conformal.observe(99.0)
+
+
+def test_a_forecast_is_scored_at_its_time_and_by_the_factor_of_its_own_time():
+    learner = load_learner("two_obstacles")
+    conformal = AdaptiveConformal(coverage=0.5)
+    wrapped = ConformalLearner(learner, ahead=0.5, conformal=conformal)
+    path, grid = learner.demonstrations[0], learner.grid
+    told = [wrapped.observe(time, path[step]) for step, time in enumerate(grid[:8])]
+    assert told[:5] == [None] * 5
+    assert None not in told[5:]
+    # The robot jumps far away: no interval covers that.
+    assert wrapped.observe(grid[8], path[8] + 50.0) is False
+    # Nothing is predicted for times after the end.
+    late = ConformalLearner(learner, ahead=0.5, conformal=conformal)
+    assert late.observe(learner.duration - 0.4, path[-5]) is None
+    assert late.observe(learner.duration, path[-1]) is None
+
+
+@pytest.mark.parametrize("ahead", [0.0, -1.0, math.inf, math.nan])
+def test_a_time_ahead_that_is_not_positive_and_finite_is_refused(ahead):
+    with pytest.raises(InputError) as caught:
+        ConformalLearner(load_learner("two_obstacles"), ahead=ahead)
+    assert caught.value.field == "ahead"
+
+
 @pytest.mark.parametrize(
-    ("field", "value"), [("coverage", 1.0), ("rate", 0.0), ("memory", 0), ("coverage", math.nan)]
+    ("field", "value"),
+    [
+        ("coverage", 0.0),
+        ("rate", math.inf),
+        ("coverage", 1.0),
+        ("rate", 0.0),
+        ("memory", 0),
+        ("coverage", math.nan),
+    ],
 )
 def test_numbers_out_of_range_are_refused(field, value):
     with pytest.raises(InputError) as caught:

@@ -11,6 +11,7 @@ from drake_shared.learners.consistency.model import (
     noise_level,
 )
 from drake_shared.learners.consistency.training import demonstrated_actions, train_consistency
+from drake_shared.learners.dataset import make_grid, resample
 
 LEFT, RIGHT = np.array([0.3, 0.2]), np.array([0.3, -0.2])
 
@@ -22,7 +23,7 @@ def model():
     positions = random.uniform(-1.0, 1.0, (4000, 2))
     is_right = (random.random(4000) < 0.5) & (positions[:, 0] < 0.0)
     actions = np.where(is_right[:, None], RIGHT, LEFT) + 0.01 * random.standard_normal((4000, 2))
-    return train_consistency(positions, actions)
+    return train_consistency(positions, actions, iterations=500)
 
 
 def test_noise_levels_begin_at_the_least_and_end_at_the_largest():
@@ -35,6 +36,11 @@ def test_scalings_by_hand():
     # At a noise as large as the spread of the data, 0.5.
     assert denoiser_scalings(0.5) == pytest.approx((0.5, 0.5 / 2.0**0.5, 2.0**0.5))
     assert consistency_scalings(LEAST_NOISE)[:2] == (1.0, 0.0)
+    skip, out, inner = consistency_scalings(0.502)
+    assert (skip, inner) == pytest.approx((0.5, 1.0 / (0.502**2 + 0.25) ** 0.5))
+    assert out == pytest.approx(0.25 * inner)
+    # Levels are even in their seventh roots.
+    assert noise_level(0.5) == pytest.approx((0.5 * (0.002 ** (1 / 7) + 80.0 ** (1 / 7))) ** 7)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])
@@ -73,6 +79,18 @@ def test_the_same_seed_gives_the_same_bits():
     for (weights, _), (same, _), (different, _) in zip(first.layers, again.layers, other.layers, strict=True):
         np.testing.assert_array_equal(weights, same)
         assert not np.array_equal(weights, different)
+
+
+def test_a_seed_gives_the_model_of_version_0_2(make_bows):
+    grid = make_grid(4.0)
+    paths = np.stack([resample(item, grid) for item in make_bows([1.0, -1.0])])
+    positions, actions = demonstrated_actions(paths, grid, horizon=0.5)
+    np.testing.assert_allclose(positions[:2], [[2.91291, -1.04243], [1.13537, -0.55691]], atol=1e-5)
+    np.testing.assert_allclose(actions[:2], [[0.38709, 0.51994], [0.46463, -0.39415]], atol=1e-5)
+    model = train_consistency(positions, actions, iterations=30)
+    found = [model.denoised(positions[0], np.array([0.3, 0.3]), degree) for degree in (0.2, 0.5, 0.9)]
+    expected = [[0.30750, 0.33984], [0.46156, 0.35944], [0.47594, 0.38896]]
+    np.testing.assert_allclose(found, expected, atol=2e-3)
 
 
 def test_actions_lead_back_to_where_the_demonstration_is_after_the_horizon():

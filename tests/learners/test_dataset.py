@@ -1,11 +1,13 @@
 """Demonstrations of any rate and length on one grid."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from drake_shared.common.errors import InputError
 from drake_shared.demonstrations import Demonstration, Demonstrations, sampling_weights
-from drake_shared.learners.dataset import make_dataset, make_grid
+from drake_shared.learners.dataset import data_record, make_dataset, make_grid, normalization
 
 
 def one(times, positions, **options) -> Demonstration:
@@ -72,6 +74,28 @@ def test_without_a_spread_the_extent_gives_the_scale(make_bows, heights):
 def test_a_robot_that_stands_still_has_a_positive_scale():
     still = one([0.0, 1.0], [[3.0, 3.0], [3.0, 3.0]])
     assert make_dataset(Demonstrations(items=(still,))).spread > 0.0
+
+
+def test_positions_are_counted_from_the_mean_path_or_from_the_middle_of_all(make_bows):
+    made = make_dataset(make_bows([1.0, 0.0]))
+    scale, reference = normalization(made, centred=True)
+    assert scale == made.spread
+    np.testing.assert_array_equal(reference, made.mean_path)
+    scale, reference = normalization(made, centred=False)
+    assert scale == made.spread
+    np.testing.assert_allclose(reference, np.broadcast_to([2.0, 0.5], made.mean_path.shape))
+
+
+def test_the_record_keeps_what_is_known_of_each_source(make_bows):
+    demonstrations = make_bows([1.0, -1.0])
+    provenance = {"operator": "fast", "seed": np.int64(3), "human_weight": 0.5, "route": None, "mood": "good"}
+    items = (demonstrations[0], dataclasses.replace(demonstrations[1], provenance=provenance))
+    known = Demonstrations(items=items)
+    record = data_record(known, make_dataset(known))
+    assert record["demonstrations"] == 2
+    assert record["data_sha256"] == make_dataset(known).digest
+    assert record["sources"] == [{}, {"operator": "fast", "seed": 3, "human_weight": 0.5}]
+    assert type(record["sources"][1]["seed"]) is int
 
 
 def test_the_digest_identifies_the_data(make_bows):

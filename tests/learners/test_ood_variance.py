@@ -51,6 +51,16 @@ def test_prefixes_are_the_values_after_each_observation():
     assert measure.prefixes(times[:0], positions[:0]) == []
 
 
+def test_a_table_has_the_values_of_each_row():
+    measure = OodVariance(grid=GRID, demonstrations=PATHS, reach=0.2, gain=3.0)
+    rng = np.random.default_rng(0)
+    times = np.array([-3.0, 0.0, 0.03, 0.77, 1.0, 1.96, 2.0, 8.0])
+    index = rng.integers(len(times), size=(40, 2))
+    positions = np.stack([times[index].clip(0.0, 2.0), rng.uniform(-3.0, 3.0, (40, 2))], axis=-1)
+    expected = [measure.prefixes(times[row], shown) for row, shown in zip(index, positions, strict=True)]
+    np.testing.assert_allclose(measure.table(times)(index, positions), expected, rtol=1e-12)
+
+
 def test_is_zero_without_gain_and_nan_for_nan():
     assert added(1.0, 1.0, 9.0, gain=0.0) == 0.0
     assert np.isnan(added(np.nan, 1.0, 1.0))

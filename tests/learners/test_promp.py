@@ -51,6 +51,20 @@ def test_an_observed_position_is_known_up_to_its_noise(fan):
     assert variance[0, 1] - fan.floor**2 == pytest.approx(fan.noise**2, rel=0.3)
 
 
+def test_intervals_cover_new_paths_at_their_level(fan):
+    rng = np.random.default_rng(0)
+    sizes = []
+    for slope, time in rng.uniform([-0.5, 3.0], [0.5, 9.0], (60, 2)):
+        shown = 0.3 * time * np.array([[1.0, slope]]) + fan.noise * rng.standard_normal((1, 2))
+        mean, variance = fan.predict([time], shown, T[30:])
+        sizes.append((slope * 0.3 * T[30:] - mean[:, 1]) / np.sqrt(variance[:, 1]))
+    assert 0.85 < np.mean(np.abs(sizes) < 1.645) < 0.97
+
+
+def test_k_is_bounded_by_the_noise_of_observations(fan):
+    assert fan.confidence_gain == pytest.approx(1.0 / fan.noise**2)
+
+
 def test_round_trip_gives_the_same_bits(fan, tmp_path):
     save_learner(fan, tmp_path / "p")
     again = load_learner(tmp_path / "p")

@@ -44,8 +44,7 @@ class Optimization:
         objective: What is minimized, of those networks that are still trained.
         planned: Iterations at the beginning of the run; with a loss threshold their limit.
         iterations: Done so far by each learner; one whose loss fell below Lt has stopped.
-        losses: Of each learner, pairs of iteration and running mean loss, in nats per point with positions
-            in m.
+        losses: Of each learner, running mean losses by iteration, in nats per point with positions in m.
         ignores_observations: Whether each was found to predict the same whatever it observes.
 
     Args:
@@ -77,7 +76,7 @@ class Optimization:
         count = len(datasets)
         self.planned = 0
         self.iterations = [0] * count
-        self.losses: list[list[list[float]]] = [[] for _ in range(count)]
+        self.losses: list[dict[int, float]] = [{} for _ in range(count)]
         self.ignores_observations = [False] * count
         grid = datasets[0].grid
         features = time_features(grid, float(grid[-1]), parameters.harmonics)
@@ -133,7 +132,7 @@ class Optimization:
         if p.loss_threshold is not None:
             memory = max(memory, MIN_MEMORY)
         running = torch.zeros_like(self._units)
-        recent, checked = 0.0 * self._units[0], 0  # Sum since the last check, and when that was.
+        recent, checked = torch.zeros_like(self._units[0]), 0  # Sum since the last check, and when that was.
         for iteration in range(planned):
             begins, fraction = schedule.cycle(iteration)
             if begins:
@@ -220,7 +219,7 @@ class Optimization:
             "iterations": self.iterations[index],
             "held_out": int(self._tasks[index].held_out.sum()),
             "ignores_observations": self.ignores_observations[index],
-            "loss": self.losses[index],
+            "loss": [[done, loss] for done, loss in self.losses[index].items()],
             "loss_threshold": threshold,
             "reached_threshold": None if threshold is None else index in self._stopped,
         }
@@ -293,7 +292,7 @@ class Optimization:
         for index, loss in losses.items():
             self.iterations[index] = done
             if noted:
-                self.losses[index].append([done, round(loss, 4)])
+                self.losses[index][done] = round(loss, 4)
         return losses
 
     def _stop_below(self, threshold: float, losses: Mapping[int, float], done: int) -> None:
@@ -301,8 +300,7 @@ class Optimization:
         for index, loss in losses.items():
             if loss <= threshold:
                 self._stopped[index] = self._layers(index)
-                if self.losses[index][-1][0] != done:
-                    self.losses[index].append([done, round(loss, 4)])
+                self.losses[index][done] = round(loss, 4)
 
     def _begin_cycle(self) -> list[int]:
         """Goes on with those networks whose loss is not yet low enough, and a new optimizer.

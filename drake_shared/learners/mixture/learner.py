@@ -124,7 +124,7 @@ class MixtureLearner(StoredLearner):
     def _routes(self) -> tuple[list[Array], list[Array]]:
         """Of each coordinate, center and variance of each route at each time of the grid, shape (N, C)."""
         paths = [expert.demonstrations for expert in self.experts]
-        axes = range(paths[0].shape[2])
+        axes = range(self.demonstrations.shape[2])
         return (
             [np.stack([path[:, :, axis].mean(axis=0) for path in paths], axis=1) for axis in axes],
             [

@@ -35,6 +35,49 @@ def test_the_learning_rate_rises_to_its_peak_and_falls_along_a_cosine():
     assert 0.0 < course.learning_rate(1.0) < 1e-6
 
 
+def test_a_constant_learning_rate_is_constant():
+    course = schedule(dataclasses.replace(ONE_CYCLE, schedule="constant"))
+    assert {course.learning_rate(done) for done in (0.0, 0.05, 0.5, 1.0)} == {1e-3}
+
+
+def test_the_last_share_of_a_cycle_uses_the_plain_loss():
+    course = schedule(dataclasses.replace(ONE_CYCLE, beta=0.7, plain_share=0.25))
+    assert [course.beta(done) for done in (0.0, 0.5, 0.74, 0.75, 0.99)] == [0.7, 0.7, 0.7, 0.0, 0.0]
+
+
+def test_the_floor_falls_in_the_first_share_of_a_cycle():
+    course = schedule(dataclasses.replace(ONE_CYCLE, first_floor=3.0, floor_share=0.5))
+    assert [course.floor_fallen(done) for done in (0.0, 0.25, 0.5, 0.9)] == [0.0, 0.5, 1.0, 1.0]
+    assert schedule(dataclasses.replace(ONE_CYCLE, first_floor=0.0)).floor_fallen(0.0) == 1.0
+
+
+def test_without_patience_there_are_no_checks():
+    impatient = schedule(dataclasses.replace(ONE_CYCLE, patience=0.0))
+    assert not any(impatient.is_check(done) for done in range(1, 1_000))
+    assert all(schedule(planned=30).is_check(done) for done in range(1, 30))
+
+
+def test_a_training_that_improves_is_not_cut():
+    course = schedule()
+    for done in range(210, 10_500, 210):
+        course.check(done, -1.01 * MIN_IMPROVEMENT * done / 210)
+    assert course.total == course.planned == 10_500
+
+
+@pytest.mark.parametrize(("seconds", "total"), [(10.0, 600), (9.9, 600), (5.0, 300), (1.5, 100), (0.5, 100)])
+def test_the_plan_is_cut_to_the_time_that_is_left(monkeypatch, seconds, total):
+    """After 100 iterations in 1.5 s or more, of 600 planned; a lack of up to 2% is accepted."""
+    monkeypatch.setattr("time.perf_counter", lambda: 1_000.0)
+    course = Schedule(ONE_CYCLE, planned=600, deadline=1_000.0 + seconds)
+    monkeypatch.setattr("time.perf_counter", lambda: 1_000.0 + 100 / 60)
+    course.keep_time(100)
+    assert course.total == pytest.approx(total, abs=0.02 * 600)
+    assert course.planned == 600
+    endless = schedule(planned=600)
+    endless.keep_time(100)
+    assert endless.total == 600
+
+
 def test_a_training_without_improvement_is_cut_after_the_patience():
     course = schedule()
     step = 10_500 // CHECKS
