@@ -15,6 +15,7 @@ import numpy as np
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from drake_shared import Scenario, Simulation, TrialSettings, load_learner, load_scenario, metrics
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
 
 
 class KeyboardOperator(LeafSystem):
@@ -46,7 +47,7 @@ class KeyboardOperator(LeafSystem):
         self._keys_index = self.DeclareDiscreteState(2)
         self.DeclareStateOutputPort("human_command", self._command_index)
         self.DeclareStateOutputPort("keys", self._keys_index)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        DeclareDiscreteUpdate(self, period=period, update=self._update)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         x, y, yaw = self._pose_port.Eval(context).tolist()

@@ -30,6 +30,7 @@ from drake_shared import (
     metrics,
     write_log,
 )
+from drake_shared.systems.discrete_update import DeclareDiscreteUpdate
 
 PERIOD = 0.05  # Control period, in [s].
 TRAVEL_TIME, DURATION = 6.0, 8.0  # s
@@ -117,19 +118,20 @@ class PointPlant(LeafSystem):
         speed (3): Velocity of the last step, in [m/s]. State.
     """
 
-    def __init__(self, start: Sequence[float]) -> None:
+    def __init__(self, start: Sequence[float], *, period: float = PERIOD) -> None:
         super().__init__()
+        self._period = period
         self._command_port = self.DeclareVectorInputPort("command", 3)
         self._pose_index = self.DeclareDiscreteState(np.array(start))
         self._speed_index = self.DeclareDiscreteState(3)
         self.DeclareStateOutputPort("pose", self._pose_index)
         self.DeclareStateOutputPort("speed", self._speed_index)
-        self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._update)
+        DeclareDiscreteUpdate(self, period=period, update=self._update)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         velocity = self._command_port.Eval(context)
         pose = context.get_discrete_state(self._pose_index).value()
-        state.set_value(self._pose_index, pose + PERIOD * velocity)
+        state.set_value(self._pose_index, pose + self._period * velocity)
         state.set_value(self._speed_index, velocity)
 
 
@@ -149,20 +151,30 @@ class PointOperator(LeafSystem):
         human_command (3): Velocity, in [m/s]. State.
     """
 
-    def __init__(self, robot: PointRobot, waypoints: NDArray[np.float64]) -> None:
+    def __init__(self, robot: PointRobot, waypoints: NDArray[np.float64], *, period: float = PERIOD) -> None:
         super().__init__()
         self._robot = robot
         self._waypoints = waypoints
         self._pose_port = self.DeclareVectorInputPort("pose", 3)
         self._command_index = self.DeclareDiscreteState(3)
         self.DeclareStateOutputPort("human_command", self._command_index)
-        self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._update)
+        DeclareDiscreteUpdate(self, period=period, update=self._update)
 
     def _update(self, context: Context, state: DiscreteValues) -> None:
         ahead = 0.4
         target = path_positions(self._waypoints, np.array([context.get_time() + ahead]))[0]
         pose = self._pose_port.Eval(context)
         state.set_value(self._command_index, self._robot.command_toward(pose, target, ahead))
+
+
+def make_robot(*, scenario: Scenario, period: float) -> tuple[PointRobot, PointPlant]:
+    """The entry point of the robot: it starts 1 m above the start of ``scenario``."""
+    return PointRobot(), PointPlant([scenario.start.x, scenario.start.y, 1.0], period=period)
+
+
+def make_operator(*, scenario: Scenario, source: object, period: float) -> PointOperator:
+    """The entry point of the operator, who flies over the middle of the way."""
+    return PointOperator(PointRobot(), ROUTES["over"], period=period)
 
 
 def path_positions(waypoints: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -34,6 +34,7 @@ from drake_shared.simulation.runner.tasks import canonical
 from drake_shared.simulation.trial import Simulation, TrialSettings, read_log
 from drake_shared.systems.operators import make_operator
 from drake_shared.systems.recorded_input import RecordedInput
+from drake_shared.systems.robots import make_robot
 
 MOST_PER_LOG = BLOCK
 """Most trials in one log."""
@@ -57,6 +58,7 @@ class Batch:
             alternate between the possible changes, see `drake_shared.operators.named.changes_of_route`.
         recording: A log whose human commands are played back in place of a simulated operator.
         operator: Name of a registered operator that drives instead; no route is instructed then.
+        robot: Name of a registered robot in place of the scenario's.
         out: Folder for the logs; none are written if None.
         trials_per_log: Most trials in one log, from 1 to `MOST_PER_LOG`. A file of several is written many
             times as fast for each, and is read like any log: ``FILE#3`` names its trial 3.
@@ -76,6 +78,7 @@ class Batch:
     switching: bool = False
     recording: str | None = None
     operator: str | None = None
+    robot: str | None = None
     out: str | None = None
     trials_per_log: int = 1
     engine: str = "auto"
@@ -222,17 +225,22 @@ class _Trials:
         if batch.switching:
             self._routes = [(route.name, then.name) for route, then in changes_of_route(scenario)]
         operator: LeafSystem | None = None
+        robot, plant = None, None
+        if batch.robot is not None:
+            robot, plant = make_robot(batch.robot, scenario=scenario)
         self._recording, self._recorded_route = None, None
         if batch.operator is not None:
-            operator = make_operator(batch.operator, scenario=scenario)
+            operator = make_operator(batch.operator, scenario=scenario, robot=robot)
             self._routes = [(None, None)]
         if batch.recording is not None:
             recorded = read_log(batch.recording)
             # The last row of a log was never applied.
             self._recording = recorded.commands("human")[:-1]
             self._recorded_route = recorded.metadata.get("route")
-            operator = RecordedInput(period=scenario.control_period)
-        self._simulation = Simulation(scenario, learner=learner, operator=operator, config=batch.config)
+            operator = RecordedInput(robot=robot or scenario.robot, period=scenario.control_period)
+        self._simulation = Simulation(
+            scenario, learner=learner, operator=operator, robot=robot, plant=plant, config=batch.config
+        )
         self.reason_for_drake = reason_for_drake(self._simulation, batch.engine)
         """Why the trials run in Drake; None if they run in lock-step."""
 

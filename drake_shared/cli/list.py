@@ -97,10 +97,15 @@ def _operators() -> dict[str, str]:
 
 def _robots() -> dict[str, str]:
     from drake_shared.common.files import models_directory
+    from drake_shared.systems.robots import GROUP, registered_robots
 
     folder = models_directory() / "robots"
     wheeled, arms = sorted(folder.glob("*.sdf")), sorted(folder.glob("*.urdf"))
-    return {file.name: "Differential drive." for file in wheeled} | {file.name: "Arm." for file in arms}
+    found = {file.name: "Differential drive." for file in wheeled} | {file.name: "Arm." for file in arms}
+    return found | {
+        name: _described(name, GROUP, functools.partial(load_registered, GROUP, name, source="robot"))
+        for name in registered_robots()
+    }
 
 
 def _described(name: str, group: str, load: Callable[[], Any]) -> str:
@@ -121,5 +126,5 @@ _KINDS: dict[Kind, tuple[str, Callable[[], dict[str, str]]]] = {
     "models": ("--model NAME", _models),
     "arbiters": ("--arbitration NAME", _arbiters),
     "operators": ("--operator NAME", _operators),
-    "robots": ("robot: {model: NAME} in a scenario", _robots),
+    "robots": ("robot: {model: NAME} in a scenario; registered ones: simulate --robot NAME", _robots),
 }

@@ -91,7 +91,8 @@ class LearnerOptions(ControlOptions):
             with contextlib.suppress(InputError):
                 description = read_description(model)
                 preset, taught = description.get("preset"), description.get("scenario")
-        robot = _robot_of(_value_of("--scenario", arguments) or taught)
+        scenario, name = _value_of("--scenario", arguments) or taught, _value_of("--robot", arguments)
+        robot = _robot_of(scenario, name)
         is_blend = any(item.startswith(_OF_THE_BLEND) for item in arguments)
         changes = {"arbitration": "blend"} if is_blend else {}
         return {"control": cls.config_for(preset or "default", robot, **changes)}
@@ -149,15 +150,22 @@ def config_for_person(config: SharedControlConfig, name: str | None, robot: Robo
     )
 
 
-def _robot_of(scenario: object) -> Robot | None:
-    """The robot of a scenario, file or name; None if it is unknown, which is reported where it is loaded."""
-    if not isinstance(scenario, str):
+def _robot_of(scenario: object, name: str | None) -> Robot | None:
+    """The registered robot ``name``, or the one of a scenario, file or name.
+
+    None if it is unknown, which is reported where it is loaded.
+    """
+    if name is None and not isinstance(scenario, str):
         return None
     from drake_shared.scenario import load_scenario
 
     with contextlib.suppress(InputError):
-        robot: Robot = load_scenario(scenario).robot
-        return robot
+        task = load_scenario(scenario if isinstance(scenario, str) else None)
+        if name is None:
+            return task.robot
+        from drake_shared.systems.robots import make_robot
+
+        return make_robot(name, scenario=task)[0]
     return None
 
 

@@ -33,6 +33,9 @@ class Simulate(LearnerOptions):
     delayed, signal-noise, late-slow, switching, stubborn, yielding, resting, unskilled, or for an arm steady,
     unsteady, aims-ahead, switches-planes; a registered one by name; or a log whose human commands are played
     back."""
+    robot: OptionalText = None
+    """Name of a registered robot, which drives in place of the scenario's; it needs an --operator that is
+    registered, or a log of it. Default: the robot of the scenario."""
     behaviour: Annotated[Behaviour, tyro.conf.arg(name="")] = dataclasses.field(default_factory=Behaviour)
     person: OptionalText = None
     """Name of the driver, whose file (of fit-operator --person) starts the estimate of the noise with
@@ -63,8 +66,10 @@ class Simulate(LearnerOptions):
         from drake_shared.analysis.metrics import summarize
         from drake_shared.scenario import load_scenario
         from drake_shared.systems.operators import registered_operators
+        from drake_shared.systems.robots import make_robot
 
         scenario = load_scenario(self.scenario_source())
+        robot = scenario.robot if self.robot is None else make_robot(self.robot, scenario=scenario)[0]
         self.control.faults.check_duration(scenario.duration)
         registered = self.operator if self.operator in registered_operators() else None
         behaviour, switching, recording = self._operator(scenario, registered)
@@ -74,11 +79,12 @@ class Simulate(LearnerOptions):
             model=None if model is None else str(model),
             count=self.trials,
             seed=self.seed,
-            config=config_for_person(self.control, self.person, scenario.robot),
+            config=config_for_person(self.control, self.person, robot),
             behaviour=behaviour,
             switching=switching,
             recording=recording,
             operator=registered,
+            robot=self.robot,
             out=None if self.out is None else str(self.out),
             trials_per_log=self.trials_per_log,
             engine=self.engine,
@@ -91,7 +97,7 @@ class Simulate(LearnerOptions):
         if self.json:
             print_json({"trials": rows, "summary": summary})
         else:
-            print_summary(summary, len(rows), command_unit=scenario.robot.command_units[0])
+            print_summary(summary, len(rows), command_unit=robot.command_units[0])
         if self.out is not None:
             logs = f"{len(rows)} logs" if self.trials_per_log == 1 else f"logs of {len(rows)} trials"
             say(f"{logs} are in {self.out}" if self.resume else f"wrote {logs} to {self.out}")
@@ -126,6 +132,11 @@ class Simulate(LearnerOptions):
         return self.behaviour, False, self.operator
 
     def _model(self, scenario: Scenario) -> Path | None:
+        if self.robot is not None and self.model is None:
+            if self.control.driver == "human":
+                return None
+            expected = "must be given with --robot: the shipped learners are of the scenarios' robots"
+            raise InputError("--model", "", expected)
         try:
             _, path = open_learner(scenario, self.model, self.preset)
         except InputError:

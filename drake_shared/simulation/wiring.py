@@ -90,7 +90,12 @@ class Wiring:
     def wire(self, systems: Systems) -> SharedControl:
         """Adds and connects everything."""
         learner, meshcat = systems.get("learner"), systems.get("meshcat")
-        operator = systems.get("operator") or surrogate_operator(self._scenario)
+        operator = systems.get("operator")
+        if operator is None:
+            if not isinstance(self._robot, DiffDrive | Arm):
+                expected = "needs an operator: the simulated ones drive a DiffDrive or an Arm"
+                raise InputError("robot", type(self._robot).__name__, expected)
+            operator = surrogate_operator(self._scenario)
         scenario, config, robot, period = self._scenario, self._config, self._robot, self._period
         scene_graph = self._add("scene_graph", SceneGraph())
         register_obstacles(scene_graph, scenario.static_obstacles)

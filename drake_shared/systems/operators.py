@@ -28,7 +28,7 @@ from typing import Any
 
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from drake_shared.common.entry_points import load_registered, registered_names
+from drake_shared.common.entry_points import make_registered, registered_names
 from drake_shared.common.errors import InputError
 from drake_shared.robots import Robot
 from drake_shared.scenario import Scenario
@@ -43,22 +43,24 @@ def registered_operators() -> list[str]:
     return registered_names(GROUP)
 
 
-def make_operator(name: str, *, scenario: Scenario, source: MouseSource | None = None) -> LeafSystem:
-    """Makes a registered operator for the robot and the control period of ``scenario``.
+def make_operator(
+    name: str, *, scenario: Scenario, source: MouseSource | None = None, robot: Robot | None = None
+) -> LeafSystem:
+    """Makes a registered operator for the control period of ``scenario``.
+
+    Args:
+        name: In the entry point group.
+        scenario: The task.
+        source: The page's input, if there is a page.
+        robot: Whose commands it gives; that of the scenario if None.
 
     Raises:
         InputError: No operator has that name, it cannot be imported or made, or `check_operator` fails.
     """
-    make = load_registered(GROUP, name, source="operator")
-    if make is None:
-        known = ", ".join(registered_operators()) or "none"
-        raise InputError("operator", "", f"must be a registered operator ({known})", repr(name))
-    try:
-        operator = make(scenario=scenario, source=source, period=scenario.control_period)
-    except Exception as error:  # Functions from outside may raise anything.
-        reason = f"{type(error).__name__}: {error}"
-        raise InputError("operator", "", f"{name!r} cannot be made ({reason})") from error
-    check_operator(operator, scenario.robot)
+    operator: LeafSystem = make_registered(
+        GROUP, name, "operator", scenario=scenario, source=source, period=scenario.control_period
+    )
+    check_operator(operator, scenario.robot if robot is None else robot)
     return operator
 
 

@@ -1,12 +1,14 @@
 """A point robot with D = 3 and M = 3 in whole trials: every part takes names and sizes from the robot."""
 
 import math
+from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
 
 from drake_shared.analysis.metrics import metrics
 from drake_shared.arbitration.authority import Authority
+from drake_shared.cli.main import main
 from drake_shared.common.errors import InputError
 from drake_shared.robots import check_robot
 from drake_shared.scenario import Goal, Scenario, Workspace
@@ -18,6 +20,7 @@ from drake_shared.simulation import (
     read_log,
 )
 from drake_shared.systems.recorded_input import RecordedInput
+from drake_shared.systems.robots import make_robot
 
 AXES = ("x", "y", "z")
 
@@ -100,6 +103,39 @@ def test_every_fault_and_arbiter_takes_the_robots_sizes(own_robot, robot):
         trial = fly(own_robot, robot, operator, config=config).run(TrialSettings(seed=1))
         assert np.isfinite(trial.commands("shared")).all()
         assert {"received_vx", "seen_z", "slipped_vy"} <= set(trial.columns)
+
+
+@pytest.fixture
+def registered(own_robot, monkeypatch):
+    """The robot and its operator, as a package that is installed registers them."""
+    points = [
+        EntryPoint("point", "own_robot:make_robot", "drake_shared.robots"),
+        EntryPoint("broken", "own_robot:path_positions", "drake_shared.robots"),
+        EntryPoint("point-pilot", "own_robot:make_operator", "drake_shared.operators"),
+    ]
+    monkeypatch.setattr(
+        "drake_shared.common.entry_points.entry_points",
+        lambda *, group: [point for point in points if point.group == group],
+    )
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_registered_robot_flies_by_its_name(tmp_path):
+    words = ["simulate", "--driver", "human", "--robot", "point", "--operator", "point-pilot"]
+    assert main([*words, "--scenario", "two_obstacles", "--out", str(tmp_path)]) == 0
+    (log,) = tmp_path.glob("*.parquet")
+    trial = read_log(log)
+    assert trial.robot.type == "PointRobot"
+    assert np.linalg.norm(trial.positions[-1] - [4.0, 0.0, 1.0]) < 0.1
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_registered_robot_that_cannot_fly_is_refused_by_name(scenario):
+    for name in ("broken", "pint"):
+        with pytest.raises(InputError, match=name):
+            make_robot(name, scenario=scenario)
+    with pytest.raises(InputError, match="operator"):
+        Simulation(scenario, robot=make_robot("point", scenario=scenario)[0])
 
 
 def test_without_a_learner_the_human_flies_alone(own_robot, robot):
