@@ -25,9 +25,23 @@ def arc_lengths(paths: Floats) -> Floats:
     return lengths
 
 
+def interpolated(at: Floats, grid: Floats, values: Floats) -> Floats:
+    """As `numpy.interp`, values (n, d) at ``at`` (n,) of rows of ``values`` (n, m, d) at ``grid`` (n, m)."""
+    each = np.arange(len(at))
+    after = np.minimum(np.maximum((grid <= at[:, None]).sum(axis=1), 1), grid.shape[1] - 1)
+    begin, end = grid[each, after - 1], grid[each, after]
+    length = end - begin
+    share = np.minimum(np.maximum((at - begin) / np.where(length > 0.0, length, 1.0), 0.0), 1.0)
+    before = values[each, after - 1]
+    between: Floats = before + share[:, None] * (values[each, after] - before)
+    return between
+
+
 def joined(robot: Floats, paths: Floats) -> Floats:
     """Paths (n, Q, 2) that do not first lead back, to a beginning that the robot (n, 2) has passed."""
     nearest = np.hypot(*(paths[:, :JOINED] - robot[:, None]).transpose(2, 0, 1)).argmin(axis=1)[:, None]
+    if not nearest.any():
+        return paths
     index = np.arange(paths.shape[1])
     at_join = paths[np.arange(len(paths))[:, None], nearest]
     share = ((index + 1) / (nearest + 1))[..., None]

@@ -11,6 +11,7 @@ from drake_shared.arbitration.path_geometry import (
     arc_lengths,
     displacements,
     gap_between,
+    interpolated,
     joined,
     obstacle_distance,
 )
@@ -61,6 +62,7 @@ class PathRepair:
         self._look_ahead = look_ahead
         self._arc_clearance = scaled_length(robot, _ARC_CLEARANCE)
         self._obstacles = scenario.obstacles
+        self._any_moves = any(item.path for item in self._obstacles)
         self._radius = robot.footprint_radius
         self._least = scaled_length(robot, _LEAST)
         self._robot = robot
@@ -94,11 +96,10 @@ class PathRepair:
         possible = self._robot.max_speed * np.maximum(ahead, 0.0)
         wanted = np.minimum(arcs[:, _LEAD:], arcs[np.arange(len(rows)), ends][:, None])
         wanted = possible + np.minimum(np.minimum.accumulate(wanted - possible, axis=1), 0.0)
+        reached = self._followed(poses[rows], aside, arcs, wanted, ahead, times[rows, :1])
         repaired = paths.copy()
-        for row, *each in zip(rows, aside, arcs, wanted, ahead, times[rows, :1], strict=True):
-            points, arc = each[:2]
-            reached = self._followed(poses[row], *each)
-            repaired[row] = np.stack([np.interp(reached, arc, axis) for axis in points.T], axis=-1)
+        for row, points, arc, lengths in zip(rows, aside, arcs, reached, strict=True):
+            repaired[row] = np.stack([np.interp(lengths, arc, axis) for axis in points.T], axis=-1)
         moved[rows] = np.hypot(*(repaired[rows] - paths[rows]).transpose(2, 0, 1))
         return repaired, moved
 
@@ -111,10 +112,11 @@ class PathRepair:
     def _rows_near(self, robot: Floats, paths: Floats, times: Floats, now: Floats) -> NDArray[np.intp]:
         """Indices of the paths that come nearer to an obstacle than wanted."""
         whole = np.concatenate([0.5 * (robot + paths[:, 0])[:, None], paths], axis=1)
-        at = np.concatenate([0.5 * (now + times[:, 0])[:, None], times], axis=1)
+        if self._any_moves:
+            times = np.concatenate([0.5 * (now + times[:, 0])[:, None], times], axis=1)
         near = np.zeros(len(paths), bool)
         for item, margin in zip(self._obstacles, self._margins, strict=True):
-            relative = whole - displacements(item, at) if item.path else whole
+            relative = whole - displacements(item, times) if item.path else whole
             near |= obstacle_distance(item, relative).min(axis=1) < self._radius + margin
         return np.flatnonzero(near)
 
@@ -144,41 +146,44 @@ class PathRepair:
         rows = np.flatnonzero(inside.any(axis=1) & (distance[:, -1] >= kept))
         if not len(rows):
             return False
-        for row in rows.tolist():
-            first = int(inside[row].argmax())
-            after = first + int(inside[row, first:].argmin())
-            chord = relative[row, after] - relative[row, first - 1]
-            length = math.hypot(*chord)
-            if length < 1e-9:
-                continue
-            left = np.array([-chord[1], chord[0]]) / length
-            stretch = relative[row, first:after]
-            to_center = stretch - (item.x, item.y)
-            side = float(to_center[np.hypot(*to_center.T).argmin()] @ left)
-            aside = left if side >= 0.0 else -left
-            far = 2.0 * item.bounding_radius() + 2.0 * kept[row]
-            # From the far side towards the obstacle, in steps that cannot lead into it.
-            reach = far
-            for _ in range(_MARCHES):
-                beyond = float(obstacle_distance(item, stretch + reach * aside).min()) - kept[row]
-                reach -= beyond
-                if beyond < _CONVERGED:
-                    break
-            offset = reach + 1e-3
-            if self._is_outside(whole[row, first:after] + offset * aside).any():
-                continue
-            (arc,) = arc_lengths(whole[row : row + 1])
-            ramp = max(_RAMP * offset, 1e-6)
-            # numpy.clip takes several times as long.
-            up = np.minimum(np.maximum((arc - (arc[first] - ramp)) / ramp, 0.0), 1.0)
-            down = np.maximum((arc[after] + ramp - arc) / ramp, 0.0)
-            # A ramp that would begin behind the robot begins at it.
-            behind = 0.5 - 0.5 * math.cos(math.pi * float(up[0]))
-            share = 0.5 - 0.5 * np.cos(math.pi * np.minimum(up, down))
-            if behind > 0.0:
-                share = np.where(up < 1.0, (share - behind) / (1.0 - behind), share)
-                share[0] = 0.0
-            whole[row] += offset * np.maximum(share, 0.0)[:, None] * aside
+        kept, inside, relative, path = kept[rows], inside[rows], relative[rows], whole[rows]
+        each, index = np.arange(len(rows)), np.arange(inside.shape[1])
+        first = inside.argmax(axis=1)
+        after = (~inside & (index > first[:, None])).argmax(axis=1)
+        # Nothing is computed for points that are on no row's stretch.
+        part = slice(int(first.min()), int(after.max()))
+        stretch = (index[part] >= first[:, None]) & (index[part] < after[:, None])
+        x, y = (relative[each, after] - relative[each, first - 1]).T
+        length = np.hypot(x, y)
+        left = np.stack([-y, x], axis=-1) / np.maximum(length, 1e-9)[:, None]
+        to_center = relative[:, part] - (item.x, item.y)
+        nearest = np.where(stretch, np.hypot(*to_center.transpose(2, 0, 1)), math.inf).argmin(axis=1)
+        side = to_center[each, nearest] * left
+        aside = np.where(side[:, :1] + side[:, 1:] >= 0.0, left, -left)
+        # From the far side towards the obstacle, in steps that cannot lead into it.
+        reach, marches = 2.0 * item.bounding_radius() + 2.0 * kept, np.full(len(rows), True)
+        for _ in range(_MARCHES):
+            distance = obstacle_distance(item, relative[:, part] + (reach[:, None] * aside)[:, None])
+            beyond = np.where(stretch, distance, math.inf).min(axis=1) - kept
+            reach = np.where(marches, reach - beyond, reach)
+            marches &= beyond >= _CONVERGED
+            if not marches.any():
+                break
+        offset = reach[:, None] + 1e-3
+        outside = stretch & self._is_outside(path[:, part] + (offset * aside)[:, None])
+        passes = (length >= 1e-9) & ~outside.any(axis=1)
+        arc, ramp = arc_lengths(path), np.maximum(_RAMP * offset, 1e-6)
+        begin, end = arc[each, first][:, None], arc[each, after][:, None]
+        # numpy.clip takes several times as long.
+        up = np.minimum(np.maximum((arc - (begin - ramp)) / ramp, 0.0), 1.0)
+        down = np.maximum((end + ramp - arc) / ramp, 0.0)
+        # A ramp that would begin behind the robot begins at it.
+        behind = 0.5 - 0.5 * np.cos(math.pi * up[:, :1])
+        share = 0.5 - 0.5 * np.cos(math.pi * np.minimum(up, down))
+        share = np.where(up < 1.0, (share - behind) / np.maximum(1.0 - behind, 1e-9), share)
+        share[:, 0] = 0.0
+        ways = (offset * np.maximum(share, 0.0))[..., None] * aside[:, None]
+        whole[rows[passes]] += ways[passes]
         return True
 
     def _is_outside(self, points: Floats) -> Flags:
@@ -187,32 +192,35 @@ class PathRepair:
         return outside
 
     def _followed(
-        self, pose: Floats, points: Floats, arc: Floats, wanted: Floats, ahead: Floats, soon: Floats
+        self, poses: Floats, points: Floats, arc: Floats, wanted: Floats, ahead: Floats, soon: Floats
     ) -> Floats:
-        """Arc lengths ``wanted`` (Q,) along a path, held back where the robot could not follow it.
+        """Arc lengths ``wanted`` (n, Q) along paths, held back where the robot could not follow them.
 
-        Obstacles that move are taken to be where they are at the time ``soon`` (1,) of the first prediction.
+        Obstacles that move are looked at where they are at the first prediction, at ``soon`` (n, 1).
 
         Pure pursuit drives an arc to the point a look-ahead from now: the nearer that point, the more slowly,
         and the more it turns on the spot.
         """
-        reach = float(np.interp(self._look_ahead, ahead, wanted))
+        (reach,) = interpolated(np.full(len(poses), self._look_ahead), ahead, wanted[..., None]).T
+        held, rows = np.zeros(len(poses)), np.arange(len(poses))
         for share in _SHARES:
-            target = [np.interp(share * reach, arc, axis) for axis in points.T]
-            command = self._robot.command_toward(pose, target, _ARC_TIMES[-1])
-            along = np.stack(self._robot.rollout(pose, command, _ARC_TIMES, ARRAYS), axis=-1)
-            gaps = [
-                obstacle_distance(
-                    item, along[None] - displacements(item, soon[None]) if item.path else along[None]
-                )
-                for item in self._obstacles
-            ]
-            least = [np.minimum(self._radius + self._arc_clearance, gap[0, 0]) for gap in gaps]
-            if all((gap[0] >= low - 1e-9).all() for gap, low in zip(gaps, least, strict=True)):
+            target = interpolated(share * reach[rows], arc[rows], points[rows])
+            pose = poses[rows].T
+            left, right = self._robot.command_toward(pose, target.T, _ARC_TIMES[-1], ARRAYS)
+            command = left[:, None], right[:, None]
+            arcs = self._robot.rollout(pose[..., None], command, _ARC_TIMES, ARRAYS)
+            along, clear = np.stack(arcs, axis=-1), np.full(len(rows), True)
+            for item in self._obstacles:
+                gap = obstacle_distance(item, along - displacements(item, soon[rows]) if item.path else along)
+                least = np.minimum(self._radius + self._arc_clearance, gap[:, :1])
+                clear &= (gap >= least - 1e-9).all(axis=1)
+            held[rows[clear]] = share * reach[rows[clear]]
+            rows = rows[~clear]
+            if not len(rows):
                 break
         later = self._robot.max_speed * np.maximum(ahead - self._look_ahead, 0.0)
-        held: Floats = np.minimum(wanted, share * reach + later)
-        return held
+        followed: Floats = np.minimum(wanted, held[:, None] + later)
+        return followed
 
     def _ends(self, aside: Floats, whole: Floats, shifts: list[Floats]) -> NDArray[np.int64]:
         """Index (n,) of the last point of each path before it meets an obstacle or leaves the workspace."""
