@@ -134,13 +134,17 @@ def _operators() -> dict[str, Operator]:
 
 
 def _structure(code: str) -> str | None:
-    """The code without the options of dataclasses and of arguments; None if it is invalid."""
+    """The code without the options of dataclasses, of arguments and of zip; None if it is invalid."""
     try:
         tree = ast.parse(code)
     except SyntaxError:
         return None
     for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("dataclass", "dataclasses.dataclass"):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in (
+            "dataclass",
+            "dataclasses.dataclass",
+            "zip",
+        ):
             node.keywords = []
         if isinstance(node, ast.arguments):
             names = [*node.posonlyargs, *node.args, *node.kwonlyargs]

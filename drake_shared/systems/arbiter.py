@@ -171,7 +171,7 @@ class Arbiter(LeafSystem):
             if not 0.0 <= weight <= 1.0:
                 raise self._out_of_range(context, "the output human_weight must be from 0 to 1", weight)
         else:
-            weight = 1.0 if driver == "human" else 0.0
+            weight = float(driver == "human")
         output[0] = finite_weight(weight, self._autonomous_port.Eval(context).tolist())
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:

@@ -153,7 +153,7 @@ class ConfidenceBlender(Arbiter):
             weight = confidence_weight(self.confidence(context))
             weight = limited_weight(authority, state, weight, period)
         else:
-            weight = 1.0 if driver == "human" else 0.0
+            weight = float(driver == "human")
         state.weight = finite_weight(weight, autonomous)
         state.command = blend(state.weight, human, autonomous)
         if driver == "shared":

@@ -157,7 +157,7 @@ class MouseInput(LeafSystem):
         self._mouse = self.DeclareDiscreteState(np.array([0.0, 0.0, _OLDEST, 0.0, 0.0, 0.0]))
         # The last sample, to compare the next one with: engagement, counters x, y, stick forward, stick left,
         # and the number of centrings.
-        self._memory = self.DeclareDiscreteState(np.array([_NO_ENGAGEMENT, 0.0, 0.0, 0.0, 0.0, 0.0]))
+        self._memory = self.DeclareDiscreteState(np.array([_NO_ENGAGEMENT, *np.zeros(5)]))
         # Time since the last event, and the deflections by keys or gamepad past the dead zone then.
         self._idle = self.DeclareDiscreteState(np.array([math.inf]))
         self._held = self.DeclareDiscreteState(3)
@@ -190,7 +190,12 @@ class MouseInput(LeafSystem):
         numbers = (sample.x, sample.y, sample.forward, sample.turn, sample.up)
         if not all(map(math.isfinite, numbers)):
             # A NaN would stay in the stick forever.
-            sample = dataclasses.replace(sample, engaged=False, x=0.0, y=0.0, forward=0.0, turn=0.0, up=0.0)
+            sample = MouseSample(
+                engagement=sample.engagement,
+                vertical=sample.vertical,
+                arrival=sample.arrival,
+                centrings=sample.centrings,
+            )
         stick = self._moved_stick(context, sample) if sample.engaged else (0.0, 0.0)
         drives = sample.engaged and not sample.braking and age <= self._stale_after
         forward = _clip(stick[0] + sample.forward) if drives else 0.0

@@ -109,7 +109,7 @@ class RobotDynamics:
         self._desired_port = self._plant.get_desired_state_input_port(self._robot)
         self._check_axles(robot)
         # A robot at rest sinks into the floor by its weight. One that is placed so does not bounce.
-        self._place(RigidTransform([_AWAY, _AWAY, 0.0]))
+        self._place(pose_to_transform((_AWAY, _AWAY, 0.0)))
         for _ in range(round(_SETTLING_TIME / step)):
             self.step((0.0, 0.0))
         X_WB = self._plant.EvalBodyPoseInWorld(self._context, self._base)
@@ -214,7 +214,7 @@ def _add_surroundings(
     for obstacle in obstacles:
         if obstacle.path:
             continue
-        X_WG = RigidTransform(RollPitchYaw(0, 0, obstacle.yaw_angle()), [obstacle.x, obstacle.y, 0.0])
+        X_WG = pose_to_transform((obstacle.x, obstacle.y, obstacle.yaw_angle()))
         plant.RegisterCollisionGeometry(
             world, X_WG, obstacle.shape(_OBSTACLE_HEIGHT), f"obstacle_{obstacle.name}", friction
         )
@@ -235,7 +235,7 @@ def _add_moving(plant: MultibodyPlant, scene_graph: SceneGraph, obstacle: Obstac
     name = f"obstacle_{obstacle.name}"
     inertia = SpatialInertia.SolidSphereWithMass(_OBSTACLE_MASS, 1.0)
     body = plant.AddRigidBody(name, default_model_instance(), inertia)
-    X_BG = RigidTransform(RollPitchYaw(0, 0, obstacle.yaw_angle()), [0.0, 0.0, 0.0])
+    X_BG = pose_to_transform((0.0, 0.0, obstacle.yaw_angle()))
     friction = CoulombFriction(_BODY_FRICTION, _BODY_FRICTION)
     solid = plant.RegisterCollisionGeometry(body, X_BG, obstacle.shape(_OBSTACLE_HEIGHT), name, friction)
     apart = CollisionFilterDeclaration().ExcludeBetween(GeometrySet([solid]), GeometrySet(others))

@@ -139,7 +139,7 @@ class RobotTrajectron(Arbiter):
             output.set_value(_HUMAN)
             return
         ahead = int(intention.times.searchsorted(intention.time + self._look_ahead))
-        ahead = min(max(ahead, intention.first), len(intention.times) - 1)
+        ahead = min(ahead, len(intention.times) - 1)
         known = np.flatnonzero(np.isfinite(modes.mean[:, 0, 0]))
         if not len(known):
             output.set_value(_HUMAN)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 
 import numpy as np
 import pyarrow as pa
@@ -161,6 +162,19 @@ def test_behaviour_is_a_setting(simulation):
     assert trial.metadata["behaviour"]["late_start"] == 2.0
 
 
+def test_a_driver_who_gives_no_command_counts_as_at_the_controls_for_the_first_second(
+    scenario, route_learner
+):
+    learner = route_learner(scenario, variance=1e-6)
+    simulation = Simulation(scenario, learner=learner, operator=RecordedInput())
+    running = simulation.begin(TrialSettings())
+    reasons = []
+    for time in (0.0, 0.9, 1.1):
+        running.advance(time)
+        reasons.append(simulation.parts.release_reason(running.root))
+    assert reasons == [None, None, "hands_off"]
+
+
 def test_predictions_of_nan_leave_the_human_to_drive_alone(scenario, route_learner):
     silent = route_learner(scenario, variance=math.nan)
     silent.demonstrations = np.full_like(silent.demonstrations, math.nan)
@@ -241,6 +255,16 @@ def test_a_log_comes_back_as_it_was_written(simulation, tmp_path):
         assert all(back[name].dtype == trial[name].dtype for name in trial.columns)
         assert back.metadata == json.loads(json.dumps(trial.metadata))
         assert back.status == trial.status
+
+
+@pytest.mark.parametrize("durable", [False, True])
+def test_writing_a_log_waits_for_the_disk_only_where_that_is_asked(
+    human_trial, tmp_path, monkeypatch, durable
+):
+    waits = []
+    monkeypatch.setattr(os, "fsync", waits.append)
+    write_log(human_trial, tmp_path / "trial.parquet", **({"durable": True} if durable else {}))
+    assert bool(waits) == durable
 
 
 def test_a_log_is_parquet_with_its_metadata_as_json_under_our_key(human_trial, tmp_path):

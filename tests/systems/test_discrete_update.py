@@ -4,17 +4,27 @@ import math
 
 import numpy as np
 import pytest
+from pydrake.geometry import SceneGraph
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_shared.arbitration.authority import Authority
 from drake_shared.common.errors import InputError
-from drake_shared.robots import DiffDrive
+from drake_shared.learners.no_learner import NoLearner
+from drake_shared.robots import Arm, DiffDrive
+from drake_shared.systems.arm_plant import ArmPlant
+from drake_shared.systems.confidence_blender import ConfidenceBlender
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
+from drake_shared.systems.dynamic_arm_plant import DynamicArmPlant
 from drake_shared.systems.dynamic_plant import DynamicPlant
+from drake_shared.systems.hindsight_optimization import HindsightOptimization
 from drake_shared.systems.intention_estimator import IntentionEstimator
+from drake_shared.systems.leader_follower import LeaderFollower
 from drake_shared.systems.mouse_input import MouseInput, MouseSample
+from drake_shared.systems.posterior_fusion import PosteriorFusion
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.surrogate_operator import SurrogateOperator
+from drake_shared.systems.traded_control import TradedControl
 
 ROBOT = DiffDrive()
 
@@ -56,6 +66,28 @@ def test_a_forced_update_is_the_periodic_one(name, scenario, route_learner):
 
 def _groups(values):
     return [values.get_vector(index) for index in range(values.num_groups())]
+
+
+@pytest.mark.parametrize(
+    ("make", "period"),
+    [
+        (lambda scenario: DiffDrivePlant(robot=ROBOT), 0.05),
+        (lambda scenario: DynamicPlant(robot=ROBOT), 0.05),
+        (lambda scenario: ArmPlant(robot=Arm(), scene_graph=SceneGraph()), 0.05),
+        (lambda scenario: DynamicArmPlant(robot=Arm(), scene_graph=SceneGraph()), 0.05),
+        (lambda scenario: IntentionEstimator(learner=NoLearner(15.0)), 0.05),
+        (lambda scenario: RecordedInput(), 0.05),
+        (lambda scenario: MouseInput(robot=ROBOT, source=Pushed()), 0.005),
+        (lambda scenario: ConfidenceBlender(authority=Authority()), 0.05),
+        (lambda scenario: TradedControl(), 0.05),
+        (lambda scenario: LeaderFollower(), 0.05),
+        (lambda scenario: PosteriorFusion(scenario=scenario), 0.05),
+        (lambda scenario: HindsightOptimization(scenario=scenario), 0.05),
+    ],
+)
+def test_systems_step_with_the_control_by_default_and_the_mouse_ten_times_as_often(open_floor, make, period):
+    timing = make(open_floor).GetUniquePeriodicDiscreteUpdateAttribute()
+    assert (timing.period_sec(), timing.offset_sec()) == (period, 0.0)
 
 
 def test_a_simulator_updates_once_a_period():

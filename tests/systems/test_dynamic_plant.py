@@ -1,6 +1,7 @@
 """DynamicPlant compared with the kinematic plant, with obstacles, and in a whole trial."""
 
 import copy
+import dataclasses
 import math
 
 import numpy as np
@@ -14,7 +15,7 @@ from drake_shared.common.files import models_directory
 from drake_shared.learners import load_learner
 from drake_shared.robots import DiffDrive
 from drake_shared.scenario import Start, load_scenario
-from drake_shared.scenario.obstacles import Box, Circle, register_obstacles
+from drake_shared.scenario.obstacles import Box, Circle, position_at, register_obstacles
 from drake_shared.simulation.trial import Simulation, TrialSettings, read_log, write_log
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.dynamic_plant import DynamicPlant
@@ -137,6 +138,34 @@ def test_contact_is_reported_where_clearance_reaches_zero():
         else:
             assert bench.clearance[0] > -1e-4
     assert seen > 5
+
+
+@pytest.mark.parametrize(
+    ("shape", "reach"),
+    [
+        (Circle(name="cart", radius=0.2), 0.2),
+        (Box(name="cart", length=0.3, width=0.3, yaw=math.pi / 4), 0.15 * math.sqrt(2)),
+    ],
+    ids=["pillar", "edge of a box"],
+)
+def test_an_obstacle_that_comes_head_on_pushes_the_robot_straight_back_at_its_own_speed(shape, reach):
+    cart = dataclasses.replace(shape, x=0.8, y=0.0, path=[[0.0, 0.8, 0.0], [2.0, -0.2, 0.0]])
+    dut = DynamicPlant(robot=ROBOT, obstacles=[cart])
+    context = dut.CreateDefaultContext()
+    for step in range(40):
+        context.SetTime(0.05 * step)
+        (pose,) = drive(dut, context, np.zeros((1, 2)))
+        pushed_to = position_at(cart, 0.05 * (step + 1))[0] - reach - FOOTPRINT
+        np.testing.assert_allclose(pose, [min(0.0, pushed_to), 0.0, 0.0], rtol=0, atol=2e-3)
+        assert (dut.GetOutputPort("contact").Eval(context).item() > 0.5) == (pushed_to < 1e-4)
+
+
+def test_a_turned_box_is_met_where_its_edge_is():
+    box = Box(name="box", x=1.0, y=0.0, length=0.4, width=0.4, yaw=math.pi / 4)
+    bench = Bench([box]).step([5.0, 5.0], count=40)
+    np.testing.assert_allclose(
+        bench.pose, [1.0 - 0.2 * math.sqrt(2) - FOOTPRINT, 0.0, 0.0], rtol=0, atol=2e-3
+    )
 
 
 def test_without_obstacles_clearance_is_infinite():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drake_shared.common.errors import InputError
+from drake_shared.systems.channel_fault import ChannelFault
 from drake_shared.systems.intention import empty_intention
 from drake_shared.systems.learner_fault import LearnerFault
 from drake_shared.systems.pose_fault import PoseFault
@@ -35,6 +36,58 @@ class Bench:
         self.context.SetTimeStateAndParametersFrom(after)
         self.context.SetDiscreteState(discrete)
         return outputs
+
+
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (ChannelFault, {"sent": "received"}),
+        (PoseFault, {"pose": "seen_pose"}),
+        (PoseFault, {"pose": "shown_pose"}),
+        (LearnerFault, {"confidence": "late_confidence", "intention": "late_intention"}),
+    ],
+)
+def test_without_a_fault_all_passes_unchanged_and_at_once(make, names):
+    system = make()
+    bench = Bench(system)
+    random = np.random.default_rng(0)
+    for count in range(4):
+        inputs = {}
+        for index in range(system.num_input_ports()):
+            port = system.get_input_port(index)
+            # The least chance is the likeliest to be taken for a fault.
+            highest = 0.0 if port.get_name() == "chance" else 1.0
+            inputs[port.get_name()] = random.uniform(0.0, highest, port.size())
+        if "intention" in inputs:
+            inputs["intention"] = dataclasses.replace(empty_intention(2), time=float(count))
+        outputs = bench.step(**inputs)
+        for name, output in names.items():
+            if name == "intention":
+                assert outputs[output].time == count
+            else:
+                np.testing.assert_array_equal(outputs[output], inputs[name])
+
+
+def test_faults_step_with_the_control_and_the_ground_changes_twice_a_second():
+    def period(system):
+        return system.GetUniquePeriodicDiscreteUpdateAttribute().period_sec()
+
+    assert [period(make()) for make in (ChannelFault, PoseFault, LearnerFault)] == [PERIOD] * 3
+    assert period(WheelSlip(slip=0.1)) == 0.5
+
+
+def test_the_error_of_a_pose_is_white_noise_and_a_drift_that_adds_up():
+    bench = Bench(PoseFault(noise=0.1, yaw_noise=0.2, drift=0.3, period=PERIOD))
+    pose = np.array([1.0, 2.0, 3.0])
+    drawn = [[1.0, -2.0, 3.0, 4.0, -5.0], [0.0, 0.0, 0.0, 1.0, 1.0], [-1.0, 1.0, 1.0, 0.0, 0.0]]
+    errors = [bench.step(pose=pose, noise=noise, chance=[0.5])["seen_pose"] - pose for noise in drawn]
+    errors.append(bench.step()["seen_pose"] - pose)
+    # After a second of steps the standard deviation of the drift is 0.3 m.
+    step = 0.3 * np.sqrt(PERIOD)
+    np.testing.assert_allclose(errors[0], 0.0)
+    np.testing.assert_allclose(errors[1], [0.1 + 4.0 * step, -0.2 - 5.0 * step, 0.6])
+    np.testing.assert_allclose(errors[2], [5.0 * step, -4.0 * step, 0.0], atol=1e-12)
+    np.testing.assert_allclose(errors[3], [-0.1 + 5.0 * step, 0.1 - 4.0 * step, 0.2])
 
 
 def test_a_wheel_loses_its_share_of_the_command_on_each_patch_of_ground():

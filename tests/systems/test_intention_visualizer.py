@@ -5,13 +5,14 @@ import math
 import numpy as np
 import pytest
 from pydrake.common.value import Value
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
 from drake_shared.learners import Modes
-from drake_shared.robots import DiffDrive
+from drake_shared.robots import Arm, DiffDrive, Robot
 from drake_shared.robots.motion import motion
-from drake_shared.systems.intention import EMPTY_INTENTION, Intention
+from drake_shared.systems.intention import Intention, empty_intention
 from drake_shared.systems.intention_visualizer import IntentionVisualizer
 
 ROBOT = DiffDrive()
@@ -20,15 +21,17 @@ ROBOT = DiffDrive()
 class FakeMeshcat:
     def __init__(self):
         self.objects, self.places, self.properties, self.meshes = {}, {}, {}, {}
+        self.colors, self.drawings = {}, 0
 
     def SetObject(self, path, shape, rgba):
-        self.objects[path] = shape
+        self.objects[path], self.colors[path] = shape, rgba
 
     def SetTriangleColorMesh(self, path, vertices, faces, colors):
-        self.meshes[path] = vertices
+        self.meshes[path], self.colors[path] = vertices, colors
 
     def SetTransform(self, path, X):
         self.places[path] = X.translation()
+        self.drawings += path == "intention/halo"
 
     def SetProperty(self, path, name, value):
         self.properties[path, name] = value
@@ -40,6 +43,11 @@ class FakeMeshcat:
         """The middle line of a strip, shape (n, 3), in the world frame."""
         return self.places[path] + self.meshes[path].T.reshape(-1, 2, 3).mean(axis=1)
 
+    def width(self, path: str) -> np.ndarray:
+        """The width of a strip, shape (n,), in [m]."""
+        left, right = self.meshes[path].T.reshape(-1, 2, 3).swapaxes(0, 1)
+        return np.linalg.norm(left - right, axis=1)
+
 
 def expecting(variance=1e-4, first: int = 1) -> Intention:
     times = np.arange(0.0, 15.05, 0.1)
@@ -50,20 +58,21 @@ def expecting(variance=1e-4, first: int = 1) -> Intention:
 
 
 class Bench:
-    def __init__(self):
-        self.meshcat = FakeMeshcat()
-        self.dut = IntentionVisualizer(meshcat=self.meshcat, robot=ROBOT)
+    def __init__(self, robot: Robot = ROBOT):
+        self.meshcat, self.robot = FakeMeshcat(), robot
+        self.dut = IntentionVisualizer(meshcat=self.meshcat, robot=robot)
         self.context = self.dut.CreateDefaultContext()
         self.draw()
 
     def draw(self, **values) -> FakeMeshcat:
+        nothing = np.zeros(len(self.robot.command_names))
         shown = {
-            "pose": [0.0, 0.0, 0.0],
-            "intention": Value(EMPTY_INTENTION),
+            "pose": np.zeros(len(self.robot.configuration_names)),
+            "intention": Value(empty_intention(len(self.robot.position_names))),
             "human_weight": [1.0],
-            "human_command": [0.0, 0.0],
-            "autonomous_command": [0.0, 0.0],
-            "shared_command": [0.0, 0.0],
+            "human_command": nothing,
+            "autonomous_command": nothing,
+            "shared_command": nothing,
         } | values
         for name, value in shown.items():
             self.dut.GetInputPort(name).FixValue(self.context, value)
@@ -118,9 +127,70 @@ def test_without_a_prediction_no_route_is_shown(bench):
 @pytest.mark.parametrize("weight", [1.0, 0.25, 0.0])
 def test_the_humans_share_of_the_disc_is_the_human_weight(bench, weight):
     meshcat = bench.draw(human_weight=[weight], pose=[1.0, 2.0, 0.5])
-    x, y, _ = meshcat.properties["intention/halo/human", "scale"]
+    x, y, z = meshcat.properties["intention/halo/human", "scale"]
     assert x * y == pytest.approx(weight, abs=1e-5)
+    assert min(x, y) > 0.0  # Scaled by 0 an object has no inverse transform.
+    assert z == 1.0
     np.testing.assert_allclose(meshcat.places["intention/halo"][:2], [1.0, 2.0])
+
+
+def test_the_humans_disc_lies_on_the_agents_and_both_show_beside_the_body(bench):
+    agent, human = (bench.meshcat.objects[f"intention/halo/{who}"] for who in ("agent", "human"))
+    assert agent.radius() == human.radius() == pytest.approx(ROBOT.footprint_radius + 0.06)
+    low, high = (bench.meshcat.places[f"intention/halo/{who}"][2] for who in ("agent", "human"))
+    assert high - low == pytest.approx(0.5 * (agent.length() + human.length()))
+    assert agent.length() < 0.01
+    # On the floor, below the lowest route.
+    assert 0.5 * agent.length() < bench.draw().places["intention/halo"][2] + low < 0.02
+
+
+def test_routes_lie_on_the_floor_and_commands_above_the_robot_one_over_the_other(bench):
+    command = [2.0, 3.0]
+    meshcat = bench.draw(
+        intention=Value(expecting()),
+        human_command=command,
+        autonomous_command=command,
+        shared_command=command,
+    )
+    names = ("route/0", "human", "autonomous", "shared")
+    heights = [meshcat.center(f"intention/{name}")[:, 2] for name in names]
+    for height, expected in zip(heights, (0.02, 0.30, 0.33, 0.36), strict=True):
+        np.testing.assert_allclose(height, expected)
+    for name in names[1:]:
+        np.testing.assert_allclose(meshcat.width(f"intention/{name}"), 0.03)
+    colors = [meshcat.colors[f"intention/{name}"] for name in names]
+    assert all(((color >= 0.0) & (color <= 1.0)).all() for color in colors)
+    np.testing.assert_array_equal(colors[0][:, 0], colors[2][:, 0])  # The route is the agent's.
+
+
+def test_at_most_five_routes_are_drawn(bench):
+    intention = expecting()
+    count = 7
+    modes = Modes(
+        probability=np.full(count, 1 / count),
+        mean=intention.mean[1:] + np.arange(count)[:, None, None] * [0.0, 1.0],
+        variance=np.stack([intention.variance[1:]] * count),
+        aim=0,
+    )
+    meshcat = bench.draw(intention=Value(intention), modes=Value[object](modes))
+    drawn = [path for path in meshcat.meshes if path.startswith("intention/route/")]
+    assert len(drawn) == 5
+    assert all(map(meshcat.visible, drawn))
+
+
+def test_the_motion_of_an_arm_is_drawn_in_space():
+    bench = Bench(Arm())
+    tip = np.array([0.4, -0.1, 0.3])
+    pose = [*tip, *Arm().home]
+    command = np.array([0.1, 0.05, -0.2])
+    times = np.arange(0.0, 2.05, 0.1)
+    path = tip + times[:, None] * [0.05, 0.1, 0.1]
+    expected = Intention(time=0.0, times=times, mean=path, variance=np.full_like(path, 1e-5), first=1)
+    meshcat = bench.draw(pose=pose, intention=Value(expected), human_command=command)
+    line = meshcat.center("intention/human")
+    np.testing.assert_allclose(line, tip + np.linspace(0.0, 1.0, len(line))[:, None] * command, atol=1e-9)
+    np.testing.assert_allclose(meshcat.center("intention/route/0")[[0, -1]], path[[0, -1]], atol=1e-9)
+    np.testing.assert_allclose(meshcat.places["intention/halo"], tip)
 
 
 def test_what_is_scaled_is_never_moved(bench):
@@ -174,7 +244,8 @@ def test_it_is_added_to_a_builder_with_its_connections():
     )
     diagram = builder.Build()
     assert diagram.GetSubsystemByName("intention_visualizer") is dut
-    diagram.ForcedPublish(diagram.CreateDefaultContext())
+    Simulator(diagram).AdvanceTo(0.95)
+    assert meshcat.drawings == 10
     assert meshcat.visible("intention/halo")
     np.testing.assert_allclose(meshcat.places["intention/halo"][:2], [1.0, 2.0])
 
@@ -187,3 +258,10 @@ def test_what_is_drawn_scales_with_the_robot():
     IntentionVisualizer(meshcat=large, robot=ROBOT)
     for path, shape in large.objects.items():
         assert small.objects[path].radius() == pytest.approx(0.1 * shape.radius())
+
+
+def test_by_default_it_draws_ten_times_a_second(bench):
+    bench.draw()
+    before = bench.meshcat.drawings
+    Simulator(bench.dut, bench.context).AdvanceTo(0.95)
+    assert bench.meshcat.drawings - before == 10

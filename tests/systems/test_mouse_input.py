@@ -126,6 +126,15 @@ def test_the_displacement_of_one_sample_is_limited():
     assert bench.mouse["x"] == 5000
 
 
+def test_by_default_a_third_of_the_full_stick_is_100_counts_less_the_dead_zone():
+    bench = Bench(FakeDriver(engaged=True, engagement=1)).step(x=-100, y=-100)
+    assert bench.mouse["forward"] == bench.mouse["left"] == pytest.approx(0.3)
+    assert bench.twist == pytest.approx((0.8 * 0.25 / 0.95, 1.5 * 0.25 / 0.95))
+    # The stick stays, and jumps that nobody made count as 300.
+    assert bench.step(40, x=5000).mouse["left"] == pytest.approx(-0.6)
+    assert bench.mouse["forward"] == pytest.approx(0.3)
+
+
 def test_the_deflection_is_zero_in_the_dead_zone_and_reaches_one_outside_it():
     stick = StickSettings(gain=0.01, dead_zone=0.2)
     bench = Bench(FakeDriver(engaged=True, engagement=1, stick=stick), max_speed=1.0)
@@ -172,10 +181,14 @@ def test_the_command_is_zero_while_nobody_is_engaged():
     assert bench.mouse["engaged"] == 0
 
 
-def test_the_age_is_finite_before_the_first_sample():
+def test_before_the_first_sample_the_log_shows_a_minute_of_rest():
     driver = FakeDriver()
     driver.sample = MouseSample()
-    assert math.isfinite(Bench(driver).step().mouse["age"])
+    bench = Bench(driver)
+    rest = {"x": 0.0, "y": 0.0, "age": 60.0, "forward": 0.0, "left": 0.0, "engaged": 0.0}
+    assert bench.mouse == rest
+    assert bench.step().mouse == rest
+    np.testing.assert_array_equal(bench.command, [0, 0])
 
 
 def test_release_zeroes_the_command_at_the_next_sample_and_centres_the_stick(bench):

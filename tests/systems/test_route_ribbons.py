@@ -35,8 +35,44 @@ def ribbons_of(*routes, probability=None):
 def test_it_is_twice_as_wide_to_each_side_as_the_standard_deviation_across_the_path():
     (ribbon,) = ribbons_of(straight(sigma=(0.09, 0.04)))
     np.testing.assert_allclose(ribbon.half_width[5:], 0.08)
-    (turned,) = ribbons_of((straight(sigma=(0.04, 0.09))[0][:, ::-1], straight(sigma=(0.04, 0.09))[1]))
-    np.testing.assert_allclose(turned.half_width[5:], 0.08)
+
+
+@pytest.mark.parametrize("angle", [0.5 * math.pi, 0.6, -0.6, 2.5, -2.5])
+def test_only_the_spread_across_the_path_counts_whatever_its_direction(angle):
+    mean = straight()[0][:, :1] * [math.cos(angle), math.sin(angle)]
+    (ribbon,) = ribbons_of((mean, np.broadcast_to(np.square([0.09, 0.04]), mean.shape)))
+    across = math.hypot(0.09 * math.sin(angle), 0.04 * math.cos(angle))
+    np.testing.assert_allclose(ribbon.half_width[5:], 2.0 * across)
+
+
+@pytest.mark.parametrize(("sigma", "half_width"), [(0.001, 0.03), (0.02, 0.04), (0.14, 0.28), (0.2, 0.30)])
+def test_its_half_width_is_at_least_3_cm_and_at_most_30_cm_and_grows_to_that_from_the_robot(
+    sigma, half_width
+):
+    (ribbon,) = ribbons_of(straight(sigma=(sigma, sigma)))
+    np.testing.assert_allclose(ribbon.half_width[4:], half_width)
+    np.testing.assert_allclose(ribbon.half_width[:5], np.linspace(0.03, half_width, 5))
+
+
+@pytest.mark.parametrize(
+    ("sigma", "fade"), [(0.05, 1.0), (0.1, 1.0), (0.2, 0.2 / 0.95), (0.4, 0.0125 / 0.95)]
+)
+def test_it_fades_by_the_square_of_a_spread_of_more_than_10_cm(sigma, fade):
+    (ribbon,) = ribbons_of(straight(sigma=(sigma, sigma)))
+    np.testing.assert_allclose(ribbon.fade, fade)
+
+
+@pytest.mark.parametrize(("length", "count"), [(0.049, 0), (0.051, 1)])
+def test_a_path_of_less_than_5_cm_is_not_shown(length, count):
+    mean, variance = straight()
+    assert len(ribbons_of((mean * length / mean[-1, 0], variance))) == count
+
+
+def test_the_end_of_a_path_on_which_the_robot_rests_has_no_marks():
+    mean, variance = straight()
+    (ribbon,) = ribbons_of((np.minimum(mean, 2.04), variance))
+    at = np.interp(ribbon.marks, np.arange(POINTS), ribbon.center[:, 0])
+    np.testing.assert_allclose(at, [0.5, 1.0, 1.5])
 
 
 def test_it_begins_at_the_robot_and_is_evenly_spaced():
@@ -66,11 +102,16 @@ def test_where_nothing_is_known_it_fades_and_does_not_grow():
 def test_routes_that_no_longer_differ_are_one():
     same = ribbons_of(straight(y=0.02), straight(y=-0.02), straight(y=1.0), probability=[0.3, 0.3, 0.4])
     assert [ribbon.probability for ribbon in same] == pytest.approx([0.6, 0.4])
+    # They are one if they stay within 15 cm all along.
+    assert len(ribbons_of(straight(y=0.0), straight(y=0.149))) == 1
+    assert len(ribbons_of(straight(y=0.0), straight(y=0.151))) == 2
 
 
 def test_the_most_probable_route_comes_first_and_improbable_ones_are_left_out():
     shown = ribbons_of(straight(y=-1.0), straight(y=0.0), straight(y=1.0), probability=[0.01, 0.29, 0.7])
     assert [ribbon.center[-1, 1] for ribbon in shown] == [1.0, 0.0]
+    assert len(ribbons_of(straight(), straight(y=1.0), probability=[0.971, 0.029])) == 1
+    assert len(ribbons_of(straight(), straight(y=1.0), probability=[0.969, 0.031])) == 2
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])

@@ -119,6 +119,9 @@ def test_positions_are_interpolated_between_the_times_of_the_grid_and_held_at_it
     assert intention.position_at(3.0) == (4.0, 1.0)
     assert intention.position_at(1.2) == (2.0, 0.0)
     assert intention.position_at(99.0) == (5.0, 5.0)
+    with pytest.warns(DeprecationWarning, match="position_at") as caught:
+        assert intention.position(2.5) == intention.position_at(2.5)
+    assert caught[0].filename == __file__  # It tells where the former name is used.
 
 
 def test_feeds_through_without_state():

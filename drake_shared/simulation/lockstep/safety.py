@@ -51,7 +51,7 @@ class SafetyFilters:
         robot, period = self._robot, self._period
         safe = np.where(np.isfinite(command), command, 0.0)
         acceleration = robot.max_wheel_acceleration
-        fastest = np.minimum(abs(wheels).max(axis=0) + acceleration * period, robot.max_wheel_speed)
+        fastest = abs(wheels).max(axis=0) + acceleration * period
         # Obstacles out of reach leave the command as it is.
         reach = robot.wheel_radius * fastest * (period + fastest / (2 * acceleration)) + self._clearance
         near = np.flatnonzero(clearance <= reach + 1e-9)
