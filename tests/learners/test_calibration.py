@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drake_shared.learners import calibrate, confidence, mean_variance
+from drake_shared.learners.calibration import variances_along
 
 
 class Ramp:
@@ -29,6 +30,13 @@ def test_as_the_paper_says_it_is_one_twentieth_at_the_largest_variance(make_bows
 
 def test_the_resolution_bounds_the_gain(make_bows):
     assert calibrate(Ramp(), make_bows([1.0]), resolution=0.5) == pytest.approx(1 / 0.5**2)
+
+
+@pytest.mark.parametrize(("count", "every"), [(73, 1), (147, 2), (300, 4)])
+def test_of_many_points_some_thousands_that_are_evenly_spaced_are_tried(count, every):
+    found = variances_along(Ramp(), [np.zeros((41, 2))] * count)
+    steps = np.arange(0, count * 41, every) % 41
+    np.testing.assert_allclose(found, 1.0 - 0.99 * steps / 40)
 
 
 def test_a_trained_learner_is_confident_after_routes_part_and_not_before(learner, two_ways):

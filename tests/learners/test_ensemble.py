@@ -73,7 +73,14 @@ def test_learners_of_different_tasks_are_trained_side_by_side(make_bows):
 
 def test_each_learner_of_the_paper_stops_at_its_own_loss(make_bows):
     parameters = dataclasses.replace(
-        PRESETS["paper"], batch=20, queries=20, loss_threshold=0.0, iterations=400, first_floor=0.0
+        PRESETS["paper"],
+        encoder=(64, 64),
+        decoder=(64,),
+        batch=20,
+        queries=20,
+        loss_threshold=0.0,
+        iterations=400,
+        first_floor=0.0,
     )
     tasks = [make_bows([1.0]), make_bows([1.0, -1.0])]
     together = train_together(tasks, [0, 0], parameters=parameters)

@@ -57,6 +57,69 @@ def test_between_the_obstacles_a_clear_prediction_is_one_route_and_the_predictio
     np.testing.assert_array_equal(modes.variance[route], variance)
 
 
+class Straight:
+    """Predicts the last position shown, with a variance of 0.01 m^2."""
+
+    grid = np.linspace(0.0, 2.0, 21)
+
+    def __init__(self, demonstrations):
+        self.demonstrations = demonstrations
+        self.shown = []
+
+    def predict(self, times, positions, query_times):
+        self.shown.append((times, positions))
+        shape = (len(query_times), positions.shape[1])
+        return np.broadcast_to(positions[-1], shape), np.full(shape, 0.01)
+
+
+def fan_of_three(counts=(1, 1, 1)):
+    """Routes along x that end at y = 1, 0 and -1, each demonstrated some times."""
+    grid = Straight.grid
+    ends = np.repeat([1.0, 0.0, -1.0], counts)
+    return np.stack([np.stack([grid, 0.5 * end * grid], axis=-1) for end in ends])
+
+
+@pytest.mark.parametrize("weights", [(0.2, 0.3, 0.5), (0.45, 0.1, 0.45), (0.7, 0.3, 0.0), (1.0, 0.0, 0.0)])
+def test_the_probabilities_of_a_mixture_are_found_from_its_mean_and_variance(weights):
+    learner = Straight(fan_of_three())
+    later = learner.demonstrations[:, 1:]
+    mean = np.tensordot(weights, later, 1)
+    variance = np.tensordot(weights, np.square(later - mean), 1)
+    modes = RouteModes(learner)(0.0, (0.0, 0.0), 1, mean, variance)
+    np.testing.assert_allclose(modes.probability, weights, atol=0.01)
+    assert modes.aim == np.argmax(weights)
+    likely = np.array(weights) > 0.02
+    assert np.isnan(modes.mean[~likely]).all()
+    assert np.isfinite(modes.mean[likely]).all()
+
+
+def test_a_mode_is_the_prediction_for_a_driver_who_goes_on_along_its_route():
+    learner = Straight(fan_of_three())
+    later = learner.demonstrations[:, 5:]
+    mean, variance = later.mean(axis=0), later.var(axis=0) + 0.04
+    modes = RouteModes(learner)(0.42, (0.4, 0.02), 5, mean, variance)
+    for (times, positions), route in zip(learner.shown, learner.demonstrations, strict=True):
+        # The position now, and four of the route up to its end.
+        assert times[0] == 0.42
+        assert positions[0].tolist() == [0.4, 0.02]
+        assert (np.diff(times) > 0.0).all()
+        steps = np.searchsorted(learner.grid, times[1:])
+        np.testing.assert_array_equal(positions[1:], route[steps])
+        assert steps[-1] == 20
+        assert len(steps) >= 4
+    np.testing.assert_allclose(modes.mean[:, 0], learner.demonstrations[:, -1])
+    # What is uncertain about the prediction at all times is so on every route.
+    np.testing.assert_allclose(modes.variance, np.broadcast_to([0.04, variance[:, 1].min()], (3, 16, 2)))
+
+
+def test_routes_are_ordered_by_the_number_of_their_demonstrations():
+    modes = RouteModes(Straight(fan_of_three((1, 3, 2))))
+    later = fan_of_three()[:, 1:]
+    for place, route in enumerate((1, 2, 0)):
+        found = modes(0.0, (0.0, 0.0), 1, later[route], np.zeros((20, 2)))
+        assert found.aim == place
+
+
 def test_routes_that_are_left_behind_have_no_probability():
     learner = load_learner("two_obstacles_default")
     # On the left of the first obstacle, where the second route passes on the right.

@@ -48,7 +48,8 @@ def test_numpy_predicts_what_torch_predicts(two_ways, preset, count):
     rng = np.random.default_rng(count)
     steps = rng.integers(0, 41, count)
     times, positions = learner.grid[steps], learner.demonstrations[0, steps]
-    for queries in (learner.grid, learner.grid[17:], learner.grid[-1:], rng.uniform(0.0, 4.0, 9)):
+    others = [rng.uniform(0.0, 4.0, number) for number in (9, 41, 60)]
+    for queries in (learner.grid, learner.grid[17:], learner.grid[-1:], *others):
         mean, variance = learner.predict(times, positions, queries)
         expected_mean, expected_variance = torch_prediction(run, learner, times, positions, queries)
         np.testing.assert_allclose(mean, expected_mean, atol=1e-5, rtol=0.0)

@@ -78,6 +78,17 @@ def test_the_paper_trained_to_its_threshold_passes_through_what_it_is_shown(cond
         assert at(conditioned, 0.0, [0.0, 0.0], 2.0)[1][1] > 3.0 * sigma[1]
 
 
+def test_at_some_distance_from_all_demonstrations_the_confidence_is_one_twentieth(learner, paper_learner):
+    noise = PRESETS["default"].noise * learner.scale
+    far = (PRESETS["default"].doubt_from + PRESETS["default"].doubt_within) * noise
+    on, beside = ([[2.0, 1.0 + away]] for away in (0.0, far))
+    added = [learner.predict([2.0], shown, learner.grid)[1].min() for shown in (on, beside)]
+    assert added[1] == pytest.approx(1.0 / (0.05 * learner.confidence_gain), rel=0.1)
+    assert added[0] < 0.05 * added[1]
+    # By the paper only the network says so.
+    assert paper_learner.doubt_gain == 0.0
+
+
 def test_a_limit_on_iterations_ends_a_training_before_its_threshold(paper_learner, learner):
     record = paper_learner.metadata["training"]
     assert not record["reached_threshold"]
@@ -206,6 +217,8 @@ def test_minimal_data_give_a_valid_learner(make_bows, name, preset):
 def test_one_demonstration_gives_full_confidence_on_it_and_none_beside_it(make_bows):
     learner = train(make_bows([0.5]), iterations=200)
     gain = learner.confidence_gain
+    # Half the noise of observations is negligible.
+    assert gain == pytest.approx(1.0 / (0.5 * PRESETS["default"].noise * learner.scale) ** 2)
     on, beside = (learner.predict([2.0], [[2.0, y]], learner.grid)[1].mean() for y in (0.5, 1.5))
     assert gain * on < 1.0
     assert gain * beside > 20.0
