@@ -88,16 +88,14 @@ class PrompLearner(GridLearner):
         return primitive, primitive._rbfs_1d_sequence(self.grid.copy()).T
 
 
-def train_promp(
-    demonstrations: Demonstrations, *, preset: str = "default", weighted: bool = True
-) -> PrompLearner:
+def train_promp(demonstrations: Demonstrations, *, preset: str = "default") -> PrompLearner:
     """Fits the mean and covariance of the weights; scores, seed and time have no effect.
 
     Raises:
         InputError: ``movement_primitives`` is not installed.
     """
     demonstrations = align(demonstrations)
-    dataset = make_dataset(demonstrations, weighted=weighted)
+    dataset = make_dataset(demonstrations, weighted=False)
     primitive = make_promp(dataset.positions.shape[2])
     # The library scales the times that it is given in place, hence copies.
     weights = np.array([primitive.weights(dataset.grid.copy(), path) for path in dataset.positions])

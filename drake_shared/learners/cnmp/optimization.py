@@ -184,9 +184,7 @@ class Optimization:
         """
         for group in self._optimizer.param_groups:
             group["lr"] = learning_rate
-        floor = self._last_sigma
-        if floor_fallen < 1.0:
-            floor = floor**floor_fallen * self._first_sigma ** (1.0 - floor_fallen)
+        floor = self._last_sigma**floor_fallen * self._first_sigma ** (1.0 - floor_fallen)
         loss, nll = self.objective(*self._sampler.sample(), floor, self._beta(beta))
         self._optimizer.zero_grad(set_to_none=True)
         loss.backward()

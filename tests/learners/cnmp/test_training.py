@@ -122,6 +122,24 @@ def test_k_of_the_paper_makes_the_confidence_one_twentieth_at_the_largest_varian
     assert found.metadata["training"]["calibration"] == "largest"
 
 
+@pytest.mark.parametrize(("batch", "queries", "memory"), [(64, 16, 10.0), (4, 8, 2_000 / 32)])
+def test_the_running_mean_extends_over_2000_points_or_ten_iterations_and_with_a_threshold_over_100(
+    two_ways, batch, queries, memory
+):
+    def losses(memory: float, threshold: float | None) -> np.ndarray:
+        """The loss of each iteration, from the running means."""
+        small = {"encoder": (8, 8), "decoder": (8,), "restarts": 0, "iterations": 120, "patience": 0.0}
+        parameters = dataclasses.replace(
+            PRESETS["default"], batch=batch, queries=queries, loss_threshold=threshold, **small
+        )
+        seen = []
+        train(two_ways, parameters=parameters, progress=lambda *state: seen.append(state[2]))
+        changes = np.diff(seen, prepend=0.0)
+        return seen - changes + np.minimum(np.arange(1, 121), memory) * changes
+
+    np.testing.assert_allclose(losses(memory, None), losses(100.0, -99.0), atol=1e-9)
+
+
 @pytest.mark.parametrize("preset", ["default", "paper"])
 def test_the_same_seed_gives_the_same_bits(two_ways, preset):
     def trained(seed: int) -> np.ndarray:
