@@ -22,7 +22,7 @@ from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 ALONE_COST, TRIAL_COST = 0.004, 0.012
 """Approximate time of a trial among many on one core, in [s]: of the human alone, and with a learner."""
 # A drive that failed is repeated with a seed so far away that no two ranges of seeds overlap.
-_NEXT_SEED, _ATTEMPTS = 1_000_003, 20
+_NEXT_SEED, ATTEMPTS = 1_000_003, 20
 
 
 @functools.cache
@@ -118,7 +118,7 @@ def demonstrate(scenario: str | None, teaching: Sequence[Teaching]) -> list[list
     counts = [len(world.routes) if one.count is None else one.count for one in teaching]
     waiting = [(index, drive) for index, count in enumerate(counts) for drive in range(count)]
     made: dict[tuple[int, int], Demonstration] = {}
-    for attempt in range(_ATTEMPTS):
+    for attempt in range(ATTEMPTS):
         learners = [teaching[index].learner for index, _ in waiting]
         settings = [
             TrialSettings(
@@ -137,7 +137,7 @@ def demonstrate(scenario: str | None, teaching: Sequence[Teaching]) -> list[list
             break
     failed = {index: world.routes[drive % len(world.routes)].name for index, drive in reversed(waiting)}
     return [
-        RunError(f"the simulated operator fails on route {failed[index]} in {_ATTEMPTS} attempts")
+        RunError(f"the simulated operator fails on route {failed[index]} in {ATTEMPTS} attempts")
         if index in failed
         else [made[index, drive] for drive in range(count)]
         for index, count in enumerate(counts)

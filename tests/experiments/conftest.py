@@ -32,5 +32,27 @@ def short_training():
 
 @pytest.fixture(scope="session")
 def run_plan():
-    """Runs the tasks of an experiment."""
-    return lambda module, size: [one.task.run() for one in module.plan(None, size)]
+    """Runs the tasks of an experiment.
+
+    With ``only`` a preset, those of the other preset are not run and have the same results: learners of both are
+    trained alike here.
+    """
+
+    def run(module, size, *, only=None):
+        tasks = [one.task for one in module.plan(None, size)]
+        if only is None:
+            return [task.run() for task in tasks]
+        (other,) = {"paper", "default"} - {only}
+        kept = [(task.arguments["preset"], task.run()) for task in tasks if task.arguments["preset"] != other]
+        same = [renamed(result, only, other) for preset, result in kept if preset == only]
+        return [*(result for _, result in kept), *same]
+
+    return run
+
+
+def renamed(result, preset, other):
+    """A copy of a result in which ``preset`` is the other one."""
+    if isinstance(result, dict):
+        copy = {name: renamed(value, preset, other) for name, value in result.items()}
+        return copy | {"preset": other} if result.get("preset") == preset else copy
+    return [renamed(value, preset, other) for value in result] if isinstance(result, list) else result

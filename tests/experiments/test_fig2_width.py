@@ -10,7 +10,7 @@ from drake_shared.experiments.training import PRESETS
 @pytest.fixture(scope="module")
 def results(short_training, run_plan, tiny):
     with short_training(40):
-        yield run_plan(fig2_width, tiny)
+        yield run_plan(fig2_width, tiny, only="paper")
 
 
 def test_a_narrow_density_leaves_only_the_best_demonstration(results):

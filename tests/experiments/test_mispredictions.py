@@ -13,7 +13,7 @@ from drake_shared.simulation.trial import Trial
 @pytest.fixture(scope="module")
 def results(short_training, run_plan, tiny):
     with short_training(5):
-        yield run_plan(mispredictions, tiny)
+        yield run_plan(mispredictions, tiny, only="default")
 
 
 def rows_of(results):

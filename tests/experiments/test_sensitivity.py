@@ -15,7 +15,7 @@ def results(short_training, run_plan, tiny):
     with short_training() as patch:
         patch.setattr(sensitivity, "FACTORS", (0.1, 1.0, 10.0))
         patch.setattr(sensitivity, "COUNTS", (3, 4))
-        yield run_plan(sensitivity, tiny)
+        yield run_plan(sensitivity, tiny, only="paper")
 
 
 def test_only_k_or_the_demonstrations_differ_along_a_curve(results):

@@ -14,7 +14,7 @@ from drake_shared.learners import load_learner
 def results(short_training, run_plan, tiny):
     with short_training(40) as patch:
         patch.setattr(training_curve, "SHARES", (0.0, 0.5, 1.0))
-        yield run_plan(training_curve, tiny)
+        yield run_plan(training_curve, tiny, only="paper")
 
 
 def made_up(learners=6):

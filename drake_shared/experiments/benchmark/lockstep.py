@@ -32,7 +32,7 @@ _METHOD = (
 def run(setup: Setup) -> GroupResult:
     """Runs the group."""
     scenario, learner = setup.scenario, setup.learner
-    count, few, repeats = (60, 3, 2) if setup.quick else (1_000, 12, 5)
+    count, few, repeats = (20, 3, 1) if setup.quick else (1_000, 12, 5)
     simulation = Simulation(scenario, learner=learner, config=blend_for(learner.preset))
     routes = [route.name for route in scenario.routes]
     settings = [TrialSettings(route=routes[seed % len(routes)], seed=seed) for seed in range(count)]

@@ -25,7 +25,7 @@ LOCAL = ("--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0")
 
 @dataclasses.dataclass
 class Cluster:
-    """A scheduler and its workers, each a process of its own with its nanny."""
+    """A scheduler and its workers, each a process of its own. Nannies would be as many more processes."""
 
     environment: dict[str, str]
     folder: Path
@@ -40,7 +40,7 @@ class Cluster:
 
     def start_worker(self, *options: str, environment: dict[str, str] | None = None) -> subprocess.Popen:
         options = options or ("--nthreads", "1")
-        return self._start("worker", self.address, *options, environment=environment)
+        return self._start("worker", self.address, "--no-nanny", *options, environment=environment)
 
     def _start(self, *command: str, environment: dict[str, str] | None = None) -> subprocess.Popen:
         with (self.folder / f"{len(self.processes)}.log").open("w") as log:
