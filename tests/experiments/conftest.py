@@ -34,8 +34,8 @@ def short_training():
 def run_plan():
     """Runs the tasks of an experiment.
 
-    With ``only`` a preset, those of the other preset are not run and have the same results: learners of both are
-    trained alike here.
+    With ``only`` a preset, those of the other preset are not run and have the same results: learners of both
+    are trained alike here.
     """
 
     def run(module, size, *, only=None):

@@ -1,5 +1,7 @@
 """Arbitration methods are compared on the same trials."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,13 @@ from drake_shared.experiments import arbitration_compared
 
 
 @pytest.fixture(scope="module")
+def tiny(tiny):
+    return dataclasses.replace(tiny, learners=1)
+
+
+@pytest.fixture(scope="module")
 def results(short_training, run_plan, tiny):
-    """Of two learners of each kind, one trial in each arm, of the primary operator only."""
+    """Of a learner of each kind, one trial in each arm, of the primary operator only."""
     with short_training() as patch:
         patch.setattr(arbitration_compared, "OPERATORS", ("primary",))
         return run_plan(arbitration_compared, tiny)
