@@ -18,7 +18,8 @@ from drake_shared.simulation.trial import Trial, TrialSettings
 def rows(short_training, run_plan, tiny):
     """Of one learner, each fault at its largest severity."""
     with short_training():
-        return [row for result in run_plan(faults_injected, dataclasses.replace(tiny, learners=1)) for row in result]
+        (rows,) = run_plan(faults_injected, dataclasses.replace(tiny, learners=1))
+    return rows
 
 
 def made_up(*, assisted, reached=0):
