@@ -66,7 +66,7 @@ class ChannelFault(LeafSystem):
         # Times of steps are sums with rounding errors, which must not move one past a bound.
         self._slack = 1e-6 * period
         self._frozen = (freeze_time - self._slack, freeze_time + freeze - self._slack)
-        self._shape = (math.ceil((delay + jitter) / period - 1e-6), 1 + size)
+        self._shape = (int((delay + jitter) / period) + 1, 1 + size)
         self._sent_port = self.DeclareVectorInputPort("sent", size)
         self._chance_port = self.DeclareVectorInputPort("chance", 3)
         self._drawn_index = self.DeclareDiscreteState(np.array([1.0, 0.0, 1.0]))

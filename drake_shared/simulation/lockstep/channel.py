@@ -31,7 +31,7 @@ class Channels:
         self._faults = faults
         self._period = period
         self._slack = 1e-6 * period
-        self._depth = math.ceil((faults.delay + faults.jitter) / period - 1e-6)
+        self._depth = int((faults.delay + faults.jitter) / period) + 1
         self._chance = noise.uniform(_SOURCE, 3)
 
     def initial_state(self, count: int) -> State:

@@ -74,9 +74,10 @@ class SafetyFilters:
         reached = np.clip(np.clip(command, -most, most), wheels - change, wheels + change)
         share = np.linspace(0.0, 1.0, _SAMPLES)[:, None, None]
         time = share * (period + abs(reached).max(axis=0) / limit)
-        speeds = wheels + np.clip(reached - wheels, -limit * time, limit * time)
+        # They ramp to the command, and are there when the period ends and braking begins.
         braked = limit * np.maximum(time - period, 0.0)
-        speeds = np.where(time > period, reached - np.clip(reached, -braked, braked), speeds)
+        ramped = wheels + np.clip(reached - wheels, -limit * time, limit * time)
+        speeds = ramped - np.clip(reached, -braked, braked)
         steps = np.diff(time[:, 0], axis=0)
         speed, turn = robot.twist(*(0.5 * (speeds[1:] + speeds[:-1])).swapaxes(0, 1))
         yaw = pose[2] + np.cumsum(turn * steps, axis=0) - 0.5 * turn * steps

@@ -173,6 +173,17 @@ def test_learners_made_of_several_networks(kind):
     )
 
 
+def test_a_command_as_evidence_on_the_clock_of_time():
+    scenario = dataclasses.replace(load_scenario("two_obstacles"), duration=5.0)
+    learner = learner_of("two_obstacles")
+    timed = dataclasses.replace(learner, metadata={**learner.metadata, "clock": "time"})
+    (trial,) = check_equal(
+        Simulation(scenario, learner=timed, config=blend_for("default")),
+        [operator_settings(scenario, "unskilled")],
+    )
+    assert trial["moved_by_command"].any()
+
+
 def test_an_echo_state_network():
     scenario = load_scenario("two_obstacles")
     demonstrations = read_demonstrations(models_directory() / "demonstrations" / "two_obstacles.parquet")
