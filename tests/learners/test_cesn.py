@@ -147,6 +147,13 @@ def test_variance_grows_with_the_distance_from_all_demonstrations(ways):
     assert all(confidence(spread, ways.confidence_gain) < 0.05 for spread in spreads[1:])
 
 
+def test_at_some_distance_from_all_demonstrations_the_confidence_is_one_twentieth(ways):
+    # 4.5 times the noise of observations.
+    far = 4.5 * ways.noise * ways.scale
+    _, variance = ways.predict([2.0], [[2.0, 1.0 + far]], ways.grid)
+    assert variance.min() == pytest.approx(1.0 / (0.05 * ways.confidence_gain), rel=0.1)
+
+
 def test_without_observations_it_predicts_the_moments_of_the_demonstrations(ways):
     mean, variance = ways.predict([], np.empty((0, 2)), ways.grid)
     np.testing.assert_allclose(mean, ways.demonstrations.mean(axis=0), atol=1e-12)

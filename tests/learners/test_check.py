@@ -158,6 +158,11 @@ def test_a_class_annotated_with_arrays_is_a_learner_for_any_position_size(size):
     check_learner(learner)
 
 
+@pytest.mark.parametrize("gain", [1, 0.1, np.float64(1e5)])
+def test_any_positive_number_is_a_gain(gain):
+    check_learner(with_attributes(confidence_gain=gain))
+
+
 @pytest.mark.parametrize(
     "kind",
     [

@@ -58,6 +58,14 @@ def test_scaled_scales_the_variance_of_each_member(ensemble):
     assert (scaled_variance > variance).all()
 
 
+@pytest.mark.parametrize(("options", "count"), [({"members": 2}, 2), ({"learner": "ensemble"}, 5)])
+def test_an_ensemble_has_five_members_or_as_many_as_are_wanted(two_ways, options, count):
+    ensemble = train(two_ways, iterations=1, **options)
+    assert len(ensemble.members) == len(ensemble.metadata["training"]["members"]) == count
+    # One bound on K holds for all.
+    assert ensemble.confidence_gain <= max(member.confidence_gain for member in ensemble.members)
+
+
 def test_learners_of_different_tasks_are_trained_side_by_side(make_bows):
     tasks = [make_bows([1.0, -1.0]), make_bows([0.5]), make_bows([1.0, 0.2, -1.0])]
     together = train_together(tasks, [3, 4, 5], iterations=QUICK)
