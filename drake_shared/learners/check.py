@@ -45,9 +45,10 @@ def check_learner(learner: Learner, *, source: str | None = None) -> None:
         raise InputError(source, "grid", "must increase from 0 to the duration")
     _check_metadata(learner, source)
     data = learner.demonstrations
-    if data is not None and (data.ndim != 3 or data.shape[1] != len(grid) or not np.isfinite(data).all()):
-        expected = f"must be finite, of shape (m, {len(grid)}, D)"
-        raise InputError(source, "demonstrations", expected, data.shape)
+    is_known = isinstance(data, np.ndarray) and data.dtype.kind == "f" and data.ndim == 3 and len(data) > 0
+    if data is not None and not (is_known and data.shape[1] == len(grid) and np.isfinite(data).all()):
+        expected = f"must be a finite array of shape (m, {len(grid)}, D)"
+        raise InputError(source, "demonstrations", expected, getattr(data, "shape", type(data).__name__))
     _check_predictions(learner, grid, np.zeros((1, len(grid), 2)) if data is None else data, source)
 
 

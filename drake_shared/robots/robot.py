@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from drake_shared.common.errors import InputError
 
@@ -97,11 +97,12 @@ def scaled_length(robot: Robot, length: float) -> float:
 
 
 def check_robot(robot: object) -> None:
-    """Checks that ``robot`` fulfils the contract `Robot`.
+    """Checks that ``robot`` fulfils the contract `Robot`; its functions are called at configuration zero.
 
     Raises:
         InputError: It lacks a member, has names that are empty or repeated, lacks a unit or a limit for an
-            element of its command, or a limit or the characteristic length is not positive and finite.
+            element of its command, or a limit or the characteristic length is not positive and finite; or a
+            function raises an exception or returns something of another size, or not finite.
     """
     name = type(robot).__name__
     members = sorted(item for item in vars(Robot) if not item.startswith("_"))
@@ -109,20 +110,53 @@ def check_robot(robot: object) -> None:
     if missing:
         raise InputError("robot", "", f"must be a Robot; {name} lacks {', '.join(missing)}")
     assert isinstance(robot, Robot)
-    for field, names in (
-        ("configuration_names", robot.configuration_names),
-        ("position_names", robot.position_names),
-        ("command_names", robot.command_names),
+    names = ("configuration_names", "position_names", "command_names")
+    for field in (*names, "command_units", "speed_names"):
+        texts = getattr(robot, field)
+        if not (isinstance(texts, tuple | list) and all(isinstance(item, str) for item in texts)):
+            raise InputError("robot", f"{name}.{field}", "must be a tuple of text", texts)
+        if field in names and (not texts or len(set(texts)) != len(texts) or not all(texts)):
+            raise InputError("robot", f"{name}.{field}", "must be distinct names, at least one", texts)
+    size = len(robot.command_names)
+    if len(robot.command_units) != size:
+        expected = f"must have {size} elements, as command_names has"
+        raise InputError("robot", f"{name}.command_units", expected, robot.command_units)
+    _check_numbers(robot, "command_limits", robot.command_limits, size, positive=True)
+    _check_numbers(robot, "characteristic_length", (robot.characteristic_length,), 1, positive=True)
+    _check_functions(robot)
+
+
+def _check_functions(robot: Robot) -> None:
+    start = (0.0,) * len(robot.configuration_names)
+    command = tuple([0.5 * limit for limit in robot.command_limits])
+    positions, commands = len(robot.position_names), len(robot.command_names)
+    speed = {"max_speed": 1e-3 * robot.characteristic_length, "max_yaw_rate": 1e-3}
+    for field, size, arguments, options in (
+        ("position", positions, (start,), {}),
+        ("rollout", positions, (start, command, 1.0), {}),
+        ("command_toward", commands, (start, (0.0,) * positions, 1.0), {}),
+        ("stick_command", commands, (1.0, 1.0), speed),
+        ("speed", 0, (command,), {}),
+        ("conflict_angle", 0, (command, command), {}),
     ):
-        if not names or len(set(names)) != len(names) or not all(names):
-            raise InputError("robot", f"{name}.{field}", "must be distinct names, at least one", names)
-    for field, values in (("command_units", robot.command_units), ("command_limits", robot.command_limits)):
-        if len(values) != len(robot.command_names):
-            expected = f"must have {len(robot.command_names)} elements, as command_names has"
-            raise InputError("robot", f"{name}.{field}", expected, values)
-    for field, lengths in (
-        ("command_limits", robot.command_limits),
-        ("characteristic_length", (robot.characteristic_length,)),
-    ):
-        if not all(math.isfinite(value) and value > 0.0 for value in lengths):
-            raise InputError("robot", f"{name}.{field}", "must be positive and finite", lengths)
+        try:
+            found = getattr(robot, field)(*arguments, **options)
+        except Exception as error:  # A robot of another package may fail in any way.
+            reason = f"{type(error).__name__}: {error}"
+            raise InputError("robot", f"{type(robot).__name__}.{field}", f"fails ({reason})") from error
+        if field != "conflict_angle" or found == found:
+            _check_numbers(robot, field, found if size else (found,), size or 1)
+
+
+def _check_numbers(robot: Robot, field: str, values: Any, size: int, *, positive: bool = False) -> None:
+    """Checks that ``values`` are ``size`` finite numbers."""
+    try:
+        right = len(values) == size and all(
+            math.isfinite(item) and (item > 0.0 or not positive) for item in values
+        )
+    except TypeError:
+        right = False
+    if not right:
+        kind = "positive and finite" if positive else "finite"
+        expected = f"must be {size} {kind} number{'s' if size > 1 else ''}"
+        raise InputError("robot", f"{type(robot).__name__}.{field}", expected, values)

@@ -7,11 +7,11 @@ from typing import Unpack
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_shared.common.errors import InputError
+from drake_shared.learners import check_learner
 from drake_shared.scenario import Scenario
 from drake_shared.simulation.config import SharedControlConfig, config_for, config_for_robot
 from drake_shared.simulation.shared_control import SharedControl
 from drake_shared.simulation.wiring import Systems, Wiring
-from drake_shared.systems.operators import check_operator_inputs
 
 
 def AddSharedControl(
@@ -26,6 +26,8 @@ def AddSharedControl(
     if unknown := sorted(set(systems) - set(Systems.__annotations__)):
         raise TypeError(f"AddSharedControl has no argument {unknown[0]!r}")
     learner = systems.get("learner")
+    if learner is not None:
+        check_learner(learner)
     robot = systems.get("robot") or scenario.robot
     config = config or config_for(None if learner is None else learner.preset, robot)
     config.faults.check_duration(scenario.duration)
@@ -98,7 +100,7 @@ def MakeSharedControlDiagram(
     }
     for name, system in exported.items():
         builder.ExportOutput(system.GetOutputPort(name), name)
-    check_operator_inputs(builder, parts.operator)
+    parts.check_inputs(builder)
     diagram = builder.Build()
     diagram.set_name(f"{prefix}shared_control")
     return diagram

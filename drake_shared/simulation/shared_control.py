@@ -6,13 +6,14 @@ import dataclasses
 from typing import Any
 
 from pydrake.geometry import SceneGraph
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import VectorLogSink
 
 from drake_shared.robots import Robot
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.systems.arbiter import Arbiter
 from drake_shared.systems.intention_estimator import IntentionEstimator
+from drake_shared.systems.ports import check_inputs
 from drake_shared.systems.safety_filter import SafetyFilter
 
 
@@ -49,6 +50,17 @@ class SharedControl:
     log_sink: VectorLogSink
     columns: tuple[str, ...]
     safety_filter: SafetyFilter | None = None
+
+    def check_inputs(self, builder: DiagramBuilder) -> None:
+        """Checks, before ``builder`` builds, that inputs of operator, controller and arbiter are connected.
+
+        Raises:
+            InputError: One is open that nothing connects.
+        """
+        optional = {"operator": (), "controller": (), "arbiter": Arbiter.OPTIONAL_INPUTS}
+        for role, names in optional.items():
+            system: LeafSystem = getattr(self, role)
+            check_inputs(builder, system, f"{role} {type(system).__name__}", names)
 
     def SetDriver(self, root: Context, driver: str) -> None:
         """Sets who drives, "shared", "human" or "agent", in the Context of the whole diagram."""

@@ -31,7 +31,7 @@ from drake_shared.simulation.settings import TrialSettings, settings_of_log
 from drake_shared.simulation.shared_control import SharedControl
 from drake_shared.simulation.wiring import Systems
 from drake_shared.systems.arbiter import Arbiter
-from drake_shared.systems.operators import check_operator_inputs
+from drake_shared.systems.failure import failure_of
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
 from drake_shared.systems.tip_operator import TipOperator
@@ -90,7 +90,7 @@ class Simulation:
             self._optional_data["safety_clearance"] = config.safety_clearance
         if config.faults:
             self._optional_data["faults"] = config.faults.to_json()
-        check_operator_inputs(builder, self.parts.operator)
+        self.parts.check_inputs(builder)
         self.diagram = builder.Build()
         self.diagram.set_name("shared_control")
 
@@ -227,9 +227,20 @@ class RunningTrial:
         return "timed_out" if over else None
 
     def advance(self, time: float) -> None:
-        """Runs until ``time``, in [s] from the start, or to the end of the trial if that comes first."""
-        if self.status is None:
+        """Runs until ``time``, in [s] from the start, or to the end of the trial if that comes first.
+
+        Raises:
+            RunError: A system from outside this package raises an exception or breaks its contract; it names
+                the system and the time.
+        """
+        if self.status is not None:
+            return
+        try:
             self.simulator.AdvanceTo(min(time, self.simulation.scenario.duration))
+        except Exception as error:  # Systems from outside this package may raise anything.
+            if failure := failure_of(error, self.time):
+                raise failure from error
+            raise
 
     def finish(self, status: str | None = None, **metadata: Any) -> Trial:
         """The log so far, as a trial that ended with ``status``.

@@ -13,7 +13,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Multiplexer, Random
 
 from drake_shared.arbitration.path_repair import make_path_repair
 from drake_shared.common.errors import InputError
-from drake_shared.learners import Learner, check_learner
+from drake_shared.learners import Learner
 from drake_shared.learners.no_learner import NoLearner
 from drake_shared.robots import Arm, DiffDrive, Robot, check_robot
 from drake_shared.scenario import Scenario
@@ -101,8 +101,6 @@ class Wiring:
         register_obstacles(scene_graph, scenario.static_obstacles)
         AddMovingObstacles(self._builder, scene_graph, scenario.obstacles)
         check_operator(operator, robot)
-        if learner is not None:
-            check_learner(learner)
         self._add("operator", operator)
         estimator = self._add(
             "intention_estimator",
@@ -187,6 +185,9 @@ class Wiring:
             logged += [feedback.get_conflict_output_port(), feedback.get_resisted_command_output_port()]
             columns += ("conflict", *(f"conflict_{name}" for name in robot.command_names))
             columns += tuple(f"resisted_{name}" for name in robot.command_names)
+        for name in columns:
+            if columns.count(name) > 1:
+                raise InputError("log", name, "must be the name of one column; operator or arbiter repeat it")
         log_sink = self._add_log(logged, len(columns))
         if meshcat is not None:
             shown = {

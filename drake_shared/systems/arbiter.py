@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +14,7 @@ from drake_shared.common.errors import InputError, RunError
 from drake_shared.learners import Learner
 from drake_shared.robots import DiffDrive, Robot, check_robot
 from drake_shared.systems.discrete_update import check_positive
+from drake_shared.systems.failure import failure_of
 from drake_shared.systems.intention import empty_intention
 
 
@@ -166,27 +168,34 @@ class Arbiter(LeafSystem):
 
     def _calc_weight(self, context: Context, output: BasicVector) -> None:
         driver = self.GetDriver(context)
-        if driver == "shared":
-            weight = self.DoCalcWeight(context)
+        try:
+            weight = self.DoCalcWeight(context) if driver == "shared" else float(driver == "human")
             if not 0.0 <= weight <= 1.0:
                 raise self._out_of_range(context, "the output human_weight must be from 0 to 1", weight)
-        else:
-            weight = float(driver == "human")
-        output[0] = finite_weight(weight, self._autonomous_port.Eval(context).tolist())
+            output[0] = finite_weight(weight, self._autonomous_port.Eval(context).tolist())
+        except Exception as error:  # Arbiters and controllers from outside may raise anything.
+            if failure := failure_of(error, context.get_time()):
+                raise failure from error
+            raise
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         weight: float = self._weight_port.Eval(context).item()
         human = self._human_port.Eval(context).tolist()
         autonomous = self._autonomous_port.Eval(context).tolist()
-        alone = self.GetDriver(context) != "shared"
-        command = (
-            blend(weight, human, autonomous)
-            if alone
-            else self.DoCalcCommand(context, weight, human, autonomous)
-        )
-        output.set_value(command)
+        if self.GetDriver(context) != "shared":
+            output.set_value(blend(weight, human, autonomous))
+            return
+        try:
+            command = self.DoCalcCommand(context, weight, human, autonomous)
+            if not math.isfinite(sum(command)):
+                raise self._out_of_range(context, "the output shared_command must be finite", command)
+            output.set_value(command)
+        except Exception as error:
+            if failure := failure_of(error, context.get_time()):
+                raise failure from error
+            raise
 
-    def _out_of_range(self, context: Context, expected: str, got: float) -> RunError:
+    def _out_of_range(self, context: Context, expected: str, got: object) -> RunError:
         name = f"{self.get_name()} ({type(self).__name__})" if self.get_name() else type(self).__name__
         return RunError(f"{name}: {expected}, got {got} at t = {context.get_time():.3f} s")
 

@@ -20,6 +20,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from drake_shared.arbitration.authority import Authority
@@ -34,13 +35,15 @@ from drake_shared.systems.consistency_shared_autonomy import ConsistencySharedAu
 from drake_shared.systems.constant_weight_blender import ConstantWeightBlender
 from drake_shared.systems.hindsight_optimization import HindsightOptimization
 from drake_shared.systems.leader_follower import LeaderFollower
-from drake_shared.systems.ports import check_ports
+from drake_shared.systems.ports import check_output, check_ports
 from drake_shared.systems.posterior_fusion import PosteriorFusion
 from drake_shared.systems.rt_v2 import RobotTrajectron
 from drake_shared.systems.traded_control import TradedControl
 
 GROUP = "drake_shared.arbiters"
 DEFAULT = "blend"
+# Values of inputs with which an arbiter is checked; others are 0.
+_INPUTS = {"confidence": [0.5], "clearance": [math.inf]}
 _BUILT_IN: dict[str, Callable[..., LeafSystem]] = {
     DEFAULT: ConfidenceBlender,
     "halves": functools.partial(ConstantWeightBlender, 0.5),
@@ -126,18 +129,34 @@ def make_arbiter(
 
 
 def check_arbiter(arbiter: Any, name: str, *, robot: Robot | None = None) -> None:
-    """Checks that a system has the ports of an arbiter for ``robot``.
+    """Checks that a system has the ports of an arbiter for ``robot``, and what it computes.
+
+    Its outputs are computed for zero commands, unless it has the input ``intention``.
 
     Raises:
-        InputError: Names the port that is missing or of another size.
+        InputError: Names the port that is missing or of another size, or whose value is not finite, out of
+            range, or cannot be computed.
     """
     size = len((robot or DiffDrive()).command_names)
+    source = f"arbiter {name!r}:"
     check_ports(
         arbiter,
-        f"arbiter {name!r}:",
+        source,
         inputs={"human_command": size, "autonomous_command": size, "confidence": 1},
         outputs={"shared_command": size, "human_weight": 1},
     )
+    if arbiter.HasInputPort("intention"):
+        return
+    context = arbiter.CreateDefaultContext()
+    for index in range(arbiter.num_input_ports()):
+        port = arbiter.get_input_port(index)
+        port.FixValue(context, _INPUTS.get(port.get_name(), np.zeros(port.size())))
+    source += f" {type(arbiter).__name__}"
+    for output in ("human_weight", "shared_command"):
+        check_output(arbiter, output, context, source)
+    weight = arbiter.GetOutputPort("human_weight").Eval(context)[0]
+    if not 0.0 <= weight <= 1.0:
+        raise InputError(source, "human_weight", "must be from 0 to 1", weight)
 
 
 def describe_arbiter(arbiter: LeafSystem, name: str | None = None) -> dict[str, Any]:
@@ -156,6 +175,9 @@ def describe_arbiter(arbiter: LeafSystem, name: str | None = None) -> dict[str, 
         configuration = arbiter.configuration
     else:
         configuration = getattr(arbiter, "configuration", {})
+    if not isinstance(configuration, Mapping):
+        expected, got = f"of {name!r} must be a mapping", type(configuration).__name__
+        raise InputError("arbitration", "configuration", expected, got)
     try:
         configuration = json.loads(json.dumps(configuration, allow_nan=False))
     except (TypeError, ValueError) as error:

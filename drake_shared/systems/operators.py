@@ -26,14 +26,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.framework import LeafSystem
 
 from drake_shared.common.entry_points import make_registered, registered_names
 from drake_shared.common.errors import InputError
 from drake_shared.robots import Robot
 from drake_shared.scenario import Scenario
 from drake_shared.systems.mouse_input import MouseSource
-from drake_shared.systems.ports import check_ports
+from drake_shared.systems.ports import check_output, check_ports
 
 GROUP = "drake_shared.operators"
 
@@ -69,7 +69,7 @@ def check_operator(operator: Any, robot: Robot) -> None:
 
     Raises:
         InputError: It is not a LeafSystem; a port is missing or has another size; an output has direct
-            feedthrough; or ``log_columns`` does not fit its ports.
+            feedthrough; the first command is not finite; or ``log_columns`` does not fit its ports.
     """
     source = f"operator {type(operator).__name__}"
     check_ports(operator, "operator", outputs={"human_command": len(robot.command_names)})
@@ -89,24 +89,16 @@ def check_operator(operator: Any, robot: Robot) -> None:
             index = operator.GetOutputPort(name).get_index()
             if operator.HasDirectFeedthrough(index):
                 raise InputError(source, name, "must be state, without direct feedthrough from an input")
-    for name, columns in operator_log_columns(operator).items():
-        check_ports(operator, "operator", outputs={name: len(columns)})
+    check_output(operator, "human_command", operator.CreateDefaultContext(), source)
+    columns = operator_log_columns(operator)
+    if not isinstance(columns, Mapping):
+        expected = "must be a mapping of output ports to names of columns"
+        raise InputError(source, "log_columns", expected, type(columns).__name__)
+    for name, names in columns.items():
+        check_ports(operator, "operator", outputs={name: len(names)})
 
 
 def operator_log_columns(operator: LeafSystem) -> Mapping[str, tuple[str, ...]]:
     """Output ports that ``operator`` adds to the log, and the names of their columns."""
     columns: Mapping[str, tuple[str, ...]] = getattr(operator, "log_columns", {})
     return columns
-
-
-def check_operator_inputs(builder: DiagramBuilder, operator: LeafSystem) -> None:
-    """Checks, before ``builder`` builds, that every input port of ``operator`` is connected.
-
-    Raises:
-        InputError: A port is open.
-    """
-    for index in range(operator.num_input_ports()):
-        port = operator.get_input_port(index)
-        if not builder.IsConnectedOrExported(port):
-            expected = "is an input that nothing connects"
-            raise InputError(f"operator {type(operator).__name__}", port.get_name(), expected)

@@ -1,11 +1,12 @@
-"""Checks that a system from elsewhere has the ports that a diagram connects."""
+"""Checks the ports of a system from elsewhere, and what they give."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pydrake.systems.framework import LeafSystem, PortDataType
+import numpy as np
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, PortDataType
 
 from drake_shared.common.errors import InputError
 
@@ -42,3 +43,35 @@ def check_ports(
             if not (kept and (size is None or get(name).size() == size)):
                 of_size = "" if size is None else f" of size {size}"
                 raise InputError(source, name, f"must be an {kind} port{of_size}")
+
+
+def check_output(system: LeafSystem, name: str, context: Context, source: str) -> None:
+    """Checks that the vector-valued output ``name`` of a system is finite in ``context``.
+
+    Raises:
+        InputError: It is not, or computing it raises an exception.
+    """
+    try:
+        value = system.GetOutputPort(name).Eval(context)
+    except Exception as error:  # A system of another package may fail in any way.
+        raise InputError(source, name, f"cannot be computed ({type(error).__name__}: {error})") from error
+    if not np.isfinite(value).all():
+        raise InputError(source, name, "must be finite", value)
+
+
+def check_inputs(builder: DiagramBuilder, system: LeafSystem, source: str, optional: Sequence[str]) -> None:
+    """Checks, before ``builder`` builds, that every input port of ``system`` is connected.
+
+    Args:
+        builder: Has the system.
+        system: Any.
+        source: What it is, for the error message.
+        optional: Names of ports that may be open.
+
+    Raises:
+        InputError: Another port is open.
+    """
+    for index in range(system.num_input_ports()):
+        port = system.get_input_port(index)
+        if port.get_name() not in optional and not builder.IsConnectedOrExported(port):
+            raise InputError(source, port.get_name(), "is an input that nothing connects")

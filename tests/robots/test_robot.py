@@ -60,6 +60,34 @@ def test_what_breaks_the_contract_is_refused(robot, field):
     assert field in caught.value.field
 
 
+@pytest.mark.parametrize(
+    ("function", "result"),
+    [
+        ("position", (0.0, 0.0, 0.0)),
+        ("position", (np.nan, 0.0)),
+        ("rollout", (0.0,)),
+        ("rollout", None),
+        ("command_toward", (1.0, 1.0, 1.0)),
+        ("stick_command", (1.0, np.inf)),
+        ("speed", "fast"),
+        ("conflict_angle", (0.1, 0.2)),
+    ],
+)
+def test_a_function_that_returns_something_else_is_refused(function, result):
+    kind = type("Other", (DiffDrive,), {function: lambda *_, **__: result})
+    with pytest.raises(InputError) as caught:
+        check_robot(kind())
+    assert function in caught.value.field
+
+
+@pytest.mark.parametrize("function", ["position", "speed", "conflict_angle"])
+def test_a_function_that_fails_is_refused(function):
+    kind = type("Failing", (DiffDrive,), {function: lambda *_: 1 / 0})
+    with pytest.raises(InputError, match="ZeroDivisionError") as caught:
+        check_robot(kind())
+    assert function in caught.value.field
+
+
 @pytest.mark.parametrize("command", [(4.0, 6.0), (5.0, 5.0), (-3.0, 1.0)])
 def test_a_rollout_ends_where_the_robot_drives(command):
     pose = (1.0, -2.0, 0.4)

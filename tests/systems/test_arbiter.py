@@ -9,6 +9,7 @@ from pydrake.systems.framework import LeafSystem
 from drake_shared.arbitration.authority import Authority
 from drake_shared.common.errors import InputError, RunError
 from drake_shared.robots import DiffDrive
+from drake_shared.simulation import MakeSharedControlDiagram
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.simulation.trial import Simulation, TrialSettings
 from drake_shared.systems.arbiter import Arbiter
@@ -27,6 +28,21 @@ class PointRobot(DiffDrive):
     command_units = ("m/s", "m/s", "m/s")
     command_limits = (1.0, 1.0, 1.0)
     speed_names = ("speed_x", "speed_y", "speed_z")
+
+    def position(self, configuration):
+        return tuple(configuration)
+
+    def speed(self, command):
+        return float(np.linalg.norm(command))
+
+    def rollout(self, configuration, command, horizon):
+        return tuple(np.add(configuration, np.multiply(horizon, command)))
+
+    def command_toward(self, configuration, target, duration):
+        return tuple(np.subtract(target, configuration) / duration)
+
+    def stick_command(self, forward, left, *, max_speed, max_yaw_rate):
+        return max_speed * forward, max_speed * left, 0.0
 
     def conflict_angle(self, a, b):
         lengths = np.linalg.norm(a) * np.linalg.norm(b)
@@ -52,6 +68,20 @@ class Wrong(Arbiter):
 
     def DoCalcWeight(self, context):
         return self._weight if context.get_time() >= 2.0 else 0.5
+
+
+class WrongCommand(Arbiter):
+    """Gives a command that it must not give from 2 s on."""
+
+    def __init__(self, command):
+        super().__init__()
+        self._command = command
+
+    def DoCalcWeight(self, context):
+        return 0.5
+
+    def DoCalcCommand(self, context, weight, human, autonomous):
+        return self._command if context.get_time() >= 2.0 else human
 
 
 class Foreign(LeafSystem):
@@ -144,6 +174,9 @@ def test_optional_inputs_are_connected(scenario, route_learner):
     [
         (Wrong(7.0), "Wrong.*human_weight.*7"),
         (Wrong(np.nan), "Wrong.*human_weight.*nan"),
+        (Wrong(None), "Wrong.*TypeError"),
+        (WrongCommand([np.nan, 0.0]), "WrongCommand.*shared_command.*nan"),
+        (WrongCommand([0.0, 0.0, 0.0]), "WrongCommand.*size"),
         (Foreign(weight=7.0), "Foreign.*human_weight.*7"),
         (Foreign(weight=np.nan), "Foreign.*human_weight.*nan"),
         (Foreign(command=np.nan), "Foreign.*shared_command.*nan"),
@@ -155,6 +188,44 @@ def test_an_output_out_of_range_ends_the_trial_with_the_systems_name_and_the_tim
     simulation = Simulation(scenario, learner=route_learner(scenario), arbiter=arbiter)
     with pytest.raises(RunError, match=rf"{said}.*t = 2\.0"):
         simulation.run(TrialSettings(route="left_right"))
+
+
+class FromTheStart(WrongCommand):
+    """Fails at once."""
+
+    def DoCalcCommand(self, context, weight, human, autonomous):
+        return self._command
+
+
+class WithInput(WrongCommand):
+    """Has an input that no diagram connects."""
+
+    def __init__(self):
+        super().__init__([0.0, 0.0])
+        self.DeclareVectorInputPort("lidar", 5)
+
+
+class FromTheStartWeight(Wrong):
+    """Fails at once."""
+
+    def DoCalcWeight(self, context):
+        return self._weight
+
+
+@pytest.mark.parametrize(
+    ("arbiter", "field"),
+    [
+        (FromTheStart([np.inf, 0.0]), "shared_command"),
+        (FromTheStart(None), "shared_command"),
+        (FromTheStartWeight(-1.0), "human_weight"),
+        (FromTheStartWeight("half"), "human_weight"),
+        (WithInput(), "lidar"),
+    ],
+)
+def test_an_arbiter_that_breaks_the_contract_is_refused_when_it_is_wired(scenario, arbiter, field):
+    with pytest.raises(InputError) as caught:
+        MakeSharedControlDiagram(scenario, arbiter=arbiter)
+    assert caught.value.field == field
 
 
 def test_an_error_names_the_arbiter_and_its_type():
