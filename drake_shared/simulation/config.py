@@ -13,7 +13,7 @@ from drake_shared.arbitration.authority import Authority
 from drake_shared.arbitration.blend import DRIVERS
 from drake_shared.arbitration.feedback import Feedback
 from drake_shared.common.errors import InputError
-from drake_shared.common.suggestions import did_you_mean
+from drake_shared.common.suggestions import did_you_mean, suggestion
 from drake_shared.common.yaml_document import parse_yaml, read_yaml, value_of
 from drake_shared.robots import Arm, DiffDrive, Robot
 from drake_shared.simulation.faults import Faults
@@ -64,10 +64,10 @@ class SharedControlConfig:
     def __post_init__(self) -> None:
         self._split_arbitration()
         for name, known in (("driver", DRIVERS), ("end", ENDS)):
-            if getattr(self, name) not in known:
-                raise InputError(
-                    "config", name, f"must be one of {', '.join(known)}", repr(getattr(self, name))
-                )
+            value = getattr(self, name)
+            if value not in known:
+                expected = f"must be one of {', '.join(known)}{suggestion(str(value), known)}"
+                raise InputError("config", name, expected, repr(value))
         if not isinstance(self.path_repair, bool):
             raise InputError("config", "path_repair", "must be true or false", repr(self.path_repair))
         for name in ("look_ahead", "safety_clearance", "confidence_gain"):
@@ -111,6 +111,13 @@ class SharedControlConfig:
             raise InputError(
                 "config", "arbitration", "must be the name of an arbiter", repr(self.arbitration)
             )
+        if not isinstance(self.arbitration_options, Mapping):
+            expected = "must be options with values"
+            raise InputError("config", "arbitration_options", expected, repr(self.arbitration_options))
+        for option, value in self.arbitration_options.items():
+            if not isinstance(value, int | float | str) or value != value:
+                expected = "must be a number or text"
+                raise InputError("config", f"arbitration_options.{option}", expected, repr(value))
         name, colon, text = self.arbitration.partition(":")
         if colon:
             options = dict(self.arbitration_options) | _parse_options(text)

@@ -118,9 +118,12 @@ def make_arbiter(
     for option in options or {}:
         if option not in known:
             has = f"has the options {', '.join(known)}" if known else "has no options"
-            raise InputError("arbitration_options", option, f"is unknown: {name!r} {has}")
+            expected = f"is unknown: {name!r} {has}{suggestion(option, known)}"
+            raise InputError("arbitration_options", option, expected)
     try:
         arbiter = make(**given, **(options or {}))
+    except InputError as error:
+        raise error.within(f"arbitration {name!r}") from error
     except Exception as error:  # Registered code may fail in any way.
         why = f"{type(error).__name__}: {error}"
         raise InputError("arbitration", "", f"{name!r} cannot be made ({why})") from error

@@ -160,6 +160,15 @@ def test_a_weight_that_is_no_share_is_refused(weight):
         ConstantWeightBlender(weight)
 
 
+def test_an_option_out_of_range_is_reported_with_the_arbiter_and_a_misspelt_one_with_the_likely_name():
+    with pytest.raises(InputError) as caught:
+        make_arbiter("traded", options={"threshold": 7.0})
+    assert (caught.value.source, caught.value.field) == ("arbitration 'traded'", "threshold")
+    with pytest.raises(InputError, match="threshold") as caught:
+        make_arbiter("traded", options={"treshold": 0.4})
+    assert caught.value.field == "treshold"
+
+
 @pytest.mark.parametrize(
     ("threshold", "margin"), [(0.0, 0.0), (0.5, 0.5), (0.9, 0.2), (np.nan, 0.1), (0.5, -1)]
 )
