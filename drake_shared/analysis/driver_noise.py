@@ -112,12 +112,12 @@ def _other_drivers(found: Mapping[str, DriveNoise], model: FusionModel) -> dict[
         change = DriverChange(
             prior, period=drive.period, memory=model.noise_memory, false_notices=model.false_notices
         )
-        doubt, another, gives = np.zeros(1), np.zeros(1), np.ones(1, bool)
+        cusum, another, gives = np.zeros(1), np.zeros(1), np.ones(1, bool)
         begin = drive.times[0]
         for time, noise in zip(drive.times, drive.probability, strict=True):
-            if doubt.item() == 0.0:
+            if cusum.item() == 0.0:
                 begin = time
-            doubt, another, _ = change.step(doubt, another, noise[:, None], gives)
+            cusum, another, _ = change.step(cusum, another, noise[:, None], gives)
             if another.any():
                 begins[name] = float(begin)
                 break

@@ -15,7 +15,7 @@ from drake_shared.learners.storage import learner_id, read_description
 
 SIMULATED_OPERATOR = "SurrogateOperator"
 """Operator named in the provenance of demonstrations by a simulated operator."""
-# A system from elsewhere may be either, so that its name is all that can be said.
+# A system from elsewhere may be either, so that only its name is known.
 _OPERATORS = {
     SIMULATED_OPERATOR: "simulated operator",
     "MouseInput": "person",

@@ -182,7 +182,9 @@ def fit_operator(trials: Sequence[Trial], *, names: Sequence[str] | None = None)
     others = [item.behaviour(period) for item in _without_each(sums, delays, yielding, has_skill=has_skill)]
     for name, value in fitted.items():
         if not math.isfinite(value):
-            raise InputError(all_of(names), name, "cannot be told from these drives; add drives with turns")
+            raise InputError(
+                all_of(names), name, "cannot be estimated from these drives; add drives with turns"
+            )
     estimates: dict[str, Estimate | None] = dict.fromkeys(FITTED)
     estimates |= {name: _jackknife(value, [item[name] for item in others]) for name, value in fitted.items()}
     if not has_skill:

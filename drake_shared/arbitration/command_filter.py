@@ -89,7 +89,7 @@ class CommandFilters:
         Args:
             state: Shape (3, H, G, n); it is left as it is.
             difference: Shape (H, n).
-            gives: Shape (n,), whether each driver gives a command. The state of one who does not begins anew.
+            gives: Shape (n,), whether each driver gives a command. The state of one who does not is reset.
 
         Returns:
             The state (3, H, G, n) of drivers who continue, and the logarithm (H, G, n) of their likelihood;

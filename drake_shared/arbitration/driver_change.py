@@ -38,23 +38,23 @@ class DriverChange:
         return np.where(another > 0.0, *self._priors[::-1])
 
     def step(
-        self, doubt: Floats, another: Floats, noise: Floats, gives: NDArray[np.bool_]
+        self, cusum: Floats, another: Floats, noise: Floats, gives: NDArray[np.bool_]
     ) -> tuple[Floats, Floats, Floats]:
         """What follows from the noise found in one more step.
 
         Args:
-            doubt: Shape (n,), the sum so far; 0 at the start.
+            cusum: Shape (n,), the sum so far; 0 at the start.
             another: Shape (n,), 1 where somebody else than the person drives; 0 at the start.
             noise: Shape (G, n), probability of each pair given the commands so far.
             gives: Shape (n,), whether each driver gives a command.
 
         Returns:
-            ``doubt`` and ``another`` after the step, and the factors (G, n) by which the probability of each
+            ``cusum`` and ``another`` after the step, and the factors (G, n) by which the probability of each
             pair changes with the prior where a change of the driver was noticed; 1 elsewhere.
         """
         ratio = np.where(another > 0.0, self._ratios[1], self._ratios[0])
         score = np.where(gives, self._share * np.log((noise * ratio).sum(axis=0)), 0.0)
-        doubt = np.maximum(doubt + score, 0.0)
-        noticed = doubt >= self._limit
+        cusum = np.maximum(cusum + score, 0.0)
+        noticed = cusum >= self._limit
         another = np.where(noticed, 1.0 - another, another)
-        return np.where(noticed, 0.0, doubt), another, np.where(noticed, ratio, 1.0)
+        return np.where(noticed, 0.0, cusum), another, np.where(noticed, ratio, 1.0)

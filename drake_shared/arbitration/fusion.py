@@ -105,7 +105,7 @@ class Fusion:
             "held": np.zeros(count),
             "driver_noise": np.full(count, self._noises @ self._noise_prior),
             "another_driver": np.zeros(count),
-            "doubt": np.zeros(count),
+            "cusum": np.zeros(count),
         }
 
     def step(self, state: State, inputs: ArbiterInputs) -> tuple[Floats, Floats, State]:
@@ -159,10 +159,10 @@ class Fusion:
             way_out = (free * agent).sum(axis=0) / np.maximum(free.sum(axis=0), 1e-9)
             turn = turn + held * (way_out - turn)
         command = np.where(gives, np.stack([speed - turn, speed + turn]), 0.0)
-        doubt, another = state["doubt"], state["another_driver"]
+        cusum, another = state["cusum"], state["another_driver"]
         if self._model.noise_prior:
             # Without a person's prior there is nobody to compare with.
-            doubt, another, factor = self._driver_change.step(doubt, another, noise, gives)
+            cusum, another, factor = self._driver_change.step(cusum, another, noise, gives)
             if (another != state["another_driver"]).any():
                 # What follows from the commands so far with the prior of who drives now.
                 probability = probability * factor
@@ -176,7 +176,7 @@ class Fusion:
             "held": held,
             "driver_noise": (self._noises[:, None] * noise).sum(axis=0),
             "another_driver": another,
-            "doubt": doubt,
+            "cusum": cusum,
         }
         weight = np.minimum(share.sum(axis=0), 1.0)
         return np.where(gives, weight, 1.0), command, after

@@ -182,8 +182,8 @@ class PathRepair:
         share = 0.5 - 0.5 * np.cos(math.pi * np.minimum(up, down))
         share = np.where(up < 1.0, (share - behind) / np.maximum(1.0 - behind, 1e-9), share)
         share[:, 0] = 0.0
-        ways = (offset * np.maximum(share, 0.0))[..., None] * aside[:, None]
-        whole[rows[passes]] += ways[passes]
+        sideways = (offset * np.maximum(share, 0.0))[..., None] * aside[:, None]
+        whole[rows[passes]] += sideways[passes]
         return True
 
     def _is_outside(self, points: Floats) -> Flags:

@@ -61,8 +61,8 @@ class FitOperator(Command):
             say(f"wrote {path}")
         settings = settings_of(trials) if fit.simulated else {}
         if self.json:
-            told = {"operator": _who(fit), **dataclasses.asdict(fit), "set": settings or None}
-            print_json(told)
+            described = {"operator": _who(fit), **dataclasses.asdict(fit), "set": settings or None}
+            print_json(described)
         else:
             print_fit(fit, settings, trials[0].robot.command_units[0])
 
@@ -81,7 +81,7 @@ def print_fit(fit: OperatorFit, settings: dict[str, Any], command_unit: str) -> 
         estimate = getattr(fit, name)
         if estimate is None:
             if name == "yielding":
-                print(f"  {name:12s} cannot be said: nothing assisted")
+                print(f"  {name:12s} cannot be estimated: no trial was assisted")
             continue
         interval = "" if estimate.low is None else f"  [{estimate.low:.3g}, {estimate.high:.3g}]"
         known = f"  set to {settings[name]:g}" if name in settings else ""

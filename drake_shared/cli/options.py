@@ -142,7 +142,7 @@ def config_for_person(config: SharedControlConfig, name: str | None, robot: Robo
         raise InputError("--person", "", "requires --arbitration fusion", config.arbitration)
     person, model = read_person(person_path(name), robot), FusionModel()
     if (person.noises, person.noise_times) != (model.noises, model.noise_times):
-        expected = "must be those of this version; write the file anew with fit-operator"
+        expected = "must be those of this version; write the file again with fit-operator"
         raise InputError(person_path(name), "noises", expected, person.noises)
     prior = " ".join(f"{value:g}" for value in person.probability)
     return dataclasses.replace(

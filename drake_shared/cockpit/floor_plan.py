@@ -1,4 +1,4 @@
-"""Lines on the floor for the page's maps: the instructed routes, and ways driven."""
+"""Lines on the floor for the page's maps: the instructed routes, and paths driven."""
 
 from __future__ import annotations
 

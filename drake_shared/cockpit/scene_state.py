@@ -1,4 +1,4 @@
-"""The messages about the predicted routes and the way driven; see docs/websocket_protocol.md."""
+"""The messages about the predicted routes and the path driven; see docs/websocket_protocol.md."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from drake_shared.systems.route_ribbons import route_ribbons
 
 # Control steps between two messages about the routes: 10 a second at the usual period.
 _STEPS = 2
-# Rows between two messages about the whole way, which pages need that connect during a trial.
+# Rows between two messages about the whole path, which pages need that connect during a trial.
 _ROWS = 40
 
 
@@ -47,7 +47,7 @@ class SceneState:
         return {"routes": describe_routes(ribbons)}
 
     def trail(self, values: Mapping[str, float], time: float) -> dict[str, Any] | None:
-        """Adds the values of a log's columns to the way driven; returns the ``trail`` message if due."""
+        """Adds the values of a log's columns to the path driven; returns the ``trail`` message if due."""
         row = [time, *(values.get(name, math.nan) for name in ("x", "y", "human_weight", "clearance"))]
         shown = [round(value, 4) if math.isfinite(value) else None for value in row]
         self._rows.append([*shown, float(values.get("contact", 0.0) > 0.5)])

@@ -22,7 +22,7 @@ _FROM, _LIKE = 10, 3
 def unlike_all_others(positions: NDArray[np.float64]) -> list[int]:
     """Indices of demonstrations that are alone on their route, where the others are many on each of theirs.
 
-    They may be another route, or a mistake. Of few demonstrations nothing can be said.
+    They may be another route, or a mistake. Few demonstrations do not show which.
 
     Args:
         positions: Shape (m, N, D), in [m].

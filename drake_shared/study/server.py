@@ -34,8 +34,8 @@ _POLICY = (
 )
 
 
-class Seat:
-    """A participant's page and simulation.
+class Visit:
+    """The visit of a participant: the page and the simulation behind it.
 
     Attributes:
         page: Identifier of the page that has the link; another one is refused while it is present.
@@ -113,7 +113,7 @@ class StudyServer:
         self._proxy = Access(host=host, proxy=proxy).proxy
         self._simulated = simulated
         self._links = load_links(data)
-        self._seats = {name: Seat() for name in participants or data.steps}
+        self._visits = {name: Visit() for name in participants or data.steps}
         self._questionnaires = data.study.load_questionnaires()
         self._markdown = MarkdownIt("commonmark", {"html": False})
         self._spawn = multiprocessing.get_context("spawn")
@@ -129,7 +129,7 @@ class StudyServer:
     @property
     def participants(self) -> list[str]:
         """Those that are served."""
-        return list(self._seats)
+        return list(self._visits)
 
     def _trials_at(self, name: str) -> tuple[int, str | None]:
         """Port of a participant's simulation, and its origin if a proxy shows it."""
@@ -161,8 +161,8 @@ class StudyServer:
             await asyncio.Event().wait()
         finally:
             await runner.cleanup()
-            for seat in self._seats.values():
-                await asyncio.to_thread(seat.stop)
+            for visit in self._visits.values():
+                await asyncio.to_thread(visit.stop)
 
     async def _file(self, name: str, request: web.Request) -> web.StreamResponse:
         self._who(request)
@@ -188,7 +188,7 @@ class StudyServer:
         """The participant, or the experimenter, of a link."""
         link = request.match_info["link"]
         wanted = request.path.startswith("/e/")
-        for name in (EXPERIMENTER,) if wanted else self._seats:
+        for name in (EXPERIMENTER,) if wanted else self._visits:
             if self._links[name] == link:
                 return name
         raise web.HTTPNotFound(text="This link is not of this study, or another server has its participant.")
@@ -197,11 +197,11 @@ class StudyServer:
         """Takes the answers of a step, if there are any, and returns what to do next."""
         name = self._who(request)
         given = await _json(request)
-        seat = self._seats[name]
-        if not seat.take(str(given.get("page"))):
+        visit = self._visits[name]
+        if not visit.take(str(given.get("page"))):
             return web.json_response({"do": "refused", "text": "This link is open in another window."})
         if isinstance(given.get("ping"), int | float):
-            seat.ping = float(given["ping"])
+            visit.ping = float(given["ping"])
         error = None
         try:
             if given.get("withdraw") is True:
@@ -210,7 +210,7 @@ class StudyServer:
                 self._complete(name, given["step"], given.get("answers"))
         except DrakeSharedError as failure:
             error = str(failure)
-        return web.json_response({**self._next(name, seat), "error": error})
+        return web.json_response({**self._next(name, visit), "error": error})
 
     def _complete(self, name: str, step: Any, answers: Any) -> None:
         following = self._data.next_step(name)
@@ -222,45 +222,45 @@ class StudyServer:
             given = self._questionnaires[following.questionnaire].check(given)
         self._data.write_answers(following, given, simulated=self._simulated)
 
-    def _next(self, name: str, seat: Seat) -> dict[str, Any]:
+    def _next(self, name: str, visit: Visit) -> dict[str, Any]:
         """What the participant's page does."""
         ended, step = self._data.ended(name), self._data.next_step(name)
         if step is not None and step.kind == "thanks":
             self._data.write_answers(step, {}, simulated=self._simulated)
             step = None
         if ended is not None or step is None:
-            seat.stop()
+            visit.stop()
             return {"do": "text", "step": None, "html": self._text("thanks")}
-        if seat.ping is None:
+        if visit.ping is None:
             return {"do": "ping"}
-        if seat.ping > self._data.study.most_ping:
+        if visit.ping > self._data.study.most_ping:
             most = 1000 * self._data.study.most_ping
-            text = f"This computer answers after {1000 * seat.ping:.0f} ms, and may take {most:.0f} ms."
+            text = f"This computer answers after {1000 * visit.ping:.0f} ms, and may take {most:.0f} ms."
             return {"do": "refused", "text": f"{text} Please tell the experimenter."}
-        if seat.paused:
+        if visit.paused:
             return {"do": "wait", "text": "Please wait for the experimenter."}
         total = len(self._data.steps[name])
         shown = {"step": step.name, "progress": step.index / total}
         if step.kind == "trial":
-            return shown | self._trial(name, step, seat)
+            return shown | self._trial(name, step, visit)
         if step.questionnaire is not None:
             form = self._questionnaires[step.questionnaire].form
             return shown | {"do": "questionnaire", "form": form}
         return shown | {"do": "text", "html": self._text(step.kind), "consent": step.kind == "consent"}
 
-    def _trial(self, name: str, step: Step, seat: Seat) -> dict[str, Any]:
+    def _trial(self, name: str, step: Step, visit: Visit) -> dict[str, Any]:
         """The address of the participant's simulation, which is started if it does not run."""
-        if seat.process is not None and not seat.process.is_alive():
-            seat.stop()
-        if seat.process is not None and step.index >= seat.end:
+        if visit.process is not None and not visit.process.is_alive():
+            visit.stop()
+        if visit.process is not None and step.index >= visit.end:
             # The simulation of the trials before is about to end.
             return {"do": "wait", "text": "The next trials are being prepared…"}
-        if seat.process is None:
-            seat.end = end_of_trials(self._data.steps[name], step)
+        if visit.process is None:
+            visit.end = end_of_trials(self._data.steps[name], step)
             ours, theirs = self._spawn.Pipe()
             port, proxy = self._trials_at(name)
-            seat.pipe = ours
-            seat.process = self._spawn.Process(
+            visit.pipe = ours
+            visit.process = self._spawn.Process(
                 target=run_block,
                 args=(str(self._data.folder), name),
                 kwargs={
@@ -268,20 +268,20 @@ class StudyServer:
                     "port": port,
                     "proxy": proxy,
                     "simulated": self._simulated,
-                    "ping": seat.ping,
+                    "ping": visit.ping,
                     "back": self.address_of(name),
                     "pipe": theirs,
                 },
                 daemon=True,
             )
-            seat.process.start()
+            visit.process.start()
             theirs.close()
         with contextlib.suppress(EOFError):
-            if seat.address is None and seat.pipe.poll():
-                seat.address = seat.pipe.recv()
-        if seat.address is None:
+            if visit.address is None and visit.pipe.poll():
+                visit.address = visit.pipe.recv()
+        if visit.address is None:
             return {"do": "wait", "text": "The next trials are being prepared…"}
-        return {"do": "drive", "address": seat.address}
+        return {"do": "drive", "address": visit.address}
 
     def _text(self, name: str) -> str:
         return str(self._markdown.render(getattr(self._data.study.texts, name)))
@@ -292,28 +292,28 @@ class StudyServer:
         given = await _json(request)
         name, text = str(given.get("participant")), str(given.get("text") or "").strip()
         error = None
-        if name in self._seats:
+        if name in self._visits:
             try:
                 match given.get("do"):
                     case "note" if text:
                         self._data.note(name, text, simulated=self._simulated)
                     case "exclude" if text:
                         self._data.end(name, EXCLUDED, text, simulated=self._simulated)
-                        await asyncio.to_thread(self._seats[name].stop)
+                        await asyncio.to_thread(self._visits[name].stop)
                     case "pause":
-                        self._seats[name].paused = True
+                        self._visits[name].paused = True
                     case "next":
-                        self._seats[name].paused = False
+                        self._visits[name].paused = False
             except DrakeSharedError as failure:
                 error = str(failure)
         return web.json_response(
-            {"participants": [self._describe(who) for who in self._seats], "error": error}
+            {"participants": [self._describe(who) for who in self._visits], "error": error}
         )
 
     def _describe(self, name: str) -> dict[str, Any]:
-        seat, step, ended = self._seats[name], self._data.next_step(name), self._data.ended(name)
-        present = time.monotonic() - seat.seen < _ABSENT or (
-            seat.process is not None and bool(seat.process.is_alive())
+        visit, step, ended = self._visits[name], self._data.next_step(name), self._data.ended(name)
+        present = time.monotonic() - visit.seen < _ABSENT or (
+            visit.process is not None and bool(visit.process.is_alive())
         )
         return {
             "participant": name,
@@ -323,8 +323,8 @@ class StudyServer:
             "where": "finished" if step is None else step.name,
             "ended": None if ended is None else f"{ended['kind']}: {ended['reason']}",
             "present": present,
-            "paused": seat.paused,
-            "ping": seat.ping,
+            "paused": visit.paused,
+            "ping": visit.ping,
             "notes": self._data.notes(name),
         }
 

@@ -16,13 +16,13 @@ NOISY = STEADY[::-1]
 
 def drive(change: DriverChange, draws, steps: int, count: int):
     """Doubt and driver after each step; each observation lasts for the memory."""
-    doubt, another, gives = np.zeros(count), np.zeros(count), np.ones(count, bool)
+    cusum, another, gives = np.zeros(count), np.zeros(count), np.ones(count, bool)
     per = round(MEMORY / PERIOD)
     for step in range(steps):
         if step % per == 0:
             noise = np.eye(4)[draws(count)].T
-        doubt, another, factor = change.step(doubt, another, noise, gives)
-        yield doubt, another, factor
+        cusum, another, factor = change.step(cusum, another, noise, gives)
+        yield cusum, another, factor
 
 
 def drawn(probability, seed=0):
@@ -34,8 +34,8 @@ def test_the_sum_is_that_of_the_likelihood_ratios():
     change = DriverChange(STEADY, period=PERIOD, memory=MEMORY, false_notices=1e9)
     noise = np.array([[0.1, 0.2, 0.3, 0.4]]).T
     ratio = (0.25 / STEADY) @ noise[:, 0]
-    doubt, another, factor = change.step(np.array([1.0]), np.zeros(1), noise, np.ones(1, bool))
-    assert doubt.item() == pytest.approx(1.0 + PERIOD / MEMORY * math.log(ratio))
+    cusum, another, factor = change.step(np.array([1.0]), np.zeros(1), noise, np.ones(1, bool))
+    assert cusum.item() == pytest.approx(1.0 + PERIOD / MEMORY * math.log(ratio))
     assert another.item() == 0.0
     np.testing.assert_array_equal(factor, 1.0)
     back, _, _ = change.step(np.array([5.0]), np.ones(1), noise, np.ones(1, bool))
@@ -57,16 +57,16 @@ def test_false_notices_are_no_more_frequent_than_stated(false_notices):
 def test_another_driver_and_the_return_are_noticed_within_seconds():
     change = DriverChange(STEADY, period=PERIOD, memory=MEMORY, false_notices=1800.0)
     steps = round(10.0 / PERIOD)
-    *_, (doubt, another, _) = drive(change, drawn(NOISY), steps, 200)
+    *_, (cusum, another, _) = drive(change, drawn(NOISY), steps, 200)
     assert another.mean() > 0.95
     gives = np.ones(200, bool)
     draws = drawn(STEADY, seed=1)
     another = np.ones(200)
-    doubt = np.zeros(200)
+    cusum = np.zeros(200)
     for step in range(2 * steps):
         if step % 10 == 0:
             noise = np.eye(4)[draws(200)].T
-        doubt, another, _ = change.step(doubt, another, noise, gives)
+        cusum, another, _ = change.step(cusum, another, noise, gives)
     assert another.mean() < 0.1
 
 
@@ -82,9 +82,9 @@ def test_a_notice_replaces_the_prior_of_the_person_by_that_of_anybody():
 
 def test_a_person_like_anybody_is_never_taken_for_another():
     change = DriverChange(np.full(4, 0.25), period=PERIOD, memory=MEMORY, false_notices=1.0)
-    *_, (doubt, another, _) = drive(change, drawn(NOISY), 400, 5)
+    *_, (cusum, another, _) = drive(change, drawn(NOISY), 400, 5)
     assert not another.any()
-    assert doubt.max() < 1e-9
+    assert cusum.max() < 1e-9
 
 
 def test_a_time_between_false_notices_below_the_memory_is_refused():

@@ -165,7 +165,7 @@ connection.on("history", (message) => {
   tabs.setAvailable("panel-history", message.drives.length > 0);
 });
 connection.on("settings", (message) => settings.show(message));
-let driven = false; // Whether a trial runs, whose way the scene draws.
+let driven = false; // Whether a trial runs, whose path the scene draws.
 connection.on("trial", (message) => {
   driven = ["driving", "stopping"].includes(message.phase);
   panel.setTrial(message);

@@ -15,8 +15,8 @@ export const MEASURES = [
 
 export function outcomeOf(result) {
   const outcome = OUTCOMES[result.status] ?? result.status;
-  if (result.collision) return `${outcome}, with contact`;
-  if (result.intent_success === false && result.status === "reached") return `${outcome}, but not along the route asked for`;
+  if (result.collision) return `${outcome}, with a collision`;
+  if (result.intent_success === false && result.status === "reached") return `${outcome}, but not along the instructed route`;
   return outcome;
 }
 

@@ -9,13 +9,13 @@ const REASONS = {
     "An obstacle is near: the robot goes no further towards it.",
   ],
   hands_off: [
-    "Hands off: nothing has moved for a while, so the robot stops. Move to go on.",
-    "Hands off: the driver has not moved for a while, so the robot stops.",
+    "No input for a while: the robot stops. Move to go on.",
+    "No input from the driver for a while: the robot stops.",
   ],
   no_learner: ["No learner for this scenario: you drive alone.", "No learner for this scenario: the driver is alone."],
   teaching: ["You teach: you drive alone.", "A demonstration: the driver is alone."],
   assistance_off: ["Assistance is off: you drive alone.", "Assistance is off: the driver is alone."],
-  agent_alone: ["The agent drives alone, as the command line asked.", "The agent drives alone, as the command line asked."],
+  agent_alone: ["The agent drives alone, as set on the command line.", "The agent drives alone, as set on the command line."],
   no_prediction: ["The learner gives no prediction: you drive alone.", "The learner gives no prediction: the driver is alone."],
   conflict: [
     "You point elsewhere than the agent: you drive alone.",
@@ -23,8 +23,8 @@ const REASONS = {
   ],
   fixed_share: ["Each has one half: this arbiter does not ask how sure the agent is.", "Each has one half: this arbiter does not ask how sure the agent is."],
   steady: [
-    "Your commands are steady: the robot does what they say.",
-    "The driver's commands are steady: the robot does what they say.",
+    "Your commands are steady: the robot follows them.",
+    "The driver's commands are steady: the robot follows them.",
   ],
   smoothed: [
     "Your commands waver: the agent keeps to the route that you seem to mean.",

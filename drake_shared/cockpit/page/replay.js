@@ -38,7 +38,7 @@ function describe() {
   const { measures } = replay;
   at("replay-title").textContent = [replay.scenario, replay.learner].filter(Boolean).join(" · ");
   const outcome = OUTCOMES[replay.status] ?? replay.status;
-  at("replay-outcome").textContent = measures.collision ? `${outcome}, with contact` : outcome;
+  at("replay-outcome").textContent = measures.collision ? `${outcome}, with a collision` : outcome;
   at("replay-outcome").dataset.outcome = measures.collision ? "collided" : replay.status;
   const list = [
     ["Time", `${measures.time.toFixed(1)} s`],

@@ -1,4 +1,4 @@
-// The way driven so far, coloured by who drove it, with marks at contact and at the least clearance.
+// The path driven so far, coloured by who drove it, with marks at contact and at the least clearance.
 
 import { Ink } from "./scene_ink.js";
 import { describeLength, nearestPoint } from "./scene_task.js";

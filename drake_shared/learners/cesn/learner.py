@@ -34,7 +34,7 @@ class CesnLearner(RegressionLearner):
       in the products of the states with the features of the context. So the states are computed once rather
       than at each control step, and a prediction is three small matrix products.
     - A context is a set of observations. Its code is the posterior of the amounts of the demonstrations'
-      principal modes (`encode`), followed by a fixed random layer of tanh, since routes are not told apart
+      principal modes (`encode`), followed by a fixed random layer of tanh, since routes are not distinguished
       linearly.
     - The interval of linear regression does not depend on which route a context shows. Here a second readout
       gives the logarithm of the variance, by the scoring steps of a gamma regression on the squared residuals
