@@ -64,17 +64,17 @@ def test_it_is_a_learner_with_metadata(ways, two_ways):
 )
 def test_a_seed_gives_the_predictions_of_version_0_2(ways, times, positions, expected):
     mean, variance = ways.predict(times, positions, [1.5, 3.5])
-    np.testing.assert_allclose(mean, expected[:2], atol=1e-3)
-    np.testing.assert_allclose(variance, expected[2:], rtol=0.02)
-    assert ways.confidence_gain == pytest.approx(224.97, rel=0.01)
+    np.testing.assert_allclose(mean, expected[:2], atol=3e-4)
+    np.testing.assert_allclose(variance, expected[2:], rtol=5e-3)
+    assert ways.confidence_gain == pytest.approx(224.97, rel=2e-3)
 
 
 def test_a_seed_gives_the_predictions_of_version_0_2_for_many_demonstrations(fan):
     learner, _ = fan
     mean, variance = learner.predict([1.0], [[1.0, 0.5]], [1.5, 3.5])
-    np.testing.assert_allclose(mean, [[1.50037, 0.67175], [3.49996, 0.27842]], atol=1e-3)
-    np.testing.assert_allclose(variance, [[1.7286e-4, 3.2227e-3], [8.4977e-5, 6.1844e-4]], rtol=0.02)
-    assert learner.confidence_gain == pytest.approx(376.35, rel=0.01)
+    np.testing.assert_allclose(mean, [[1.50037, 0.67175], [3.49996, 0.27842]], atol=3e-4)
+    np.testing.assert_allclose(variance, [[1.7286e-4, 3.2227e-3], [8.4977e-5, 6.1844e-4]], rtol=5e-3)
+    assert learner.confidence_gain == pytest.approx(376.35, rel=2e-3)
 
 
 def test_echo_states_are_orthonormal_and_represent_smooth_paths():

@@ -85,7 +85,24 @@ def test_scaled_widens_within_modes(fork):
     np.testing.assert_allclose(wide.predict(*at)[1], 4.0 * fork.predict(*at)[1], rtol=1e-4)
 
 
-def test_a_file_without_experts_is_refused(fork, tmp_path):
+@pytest.mark.parametrize("experts", [[], None, [1, 2], {}])
+def test_a_file_without_experts_is_refused(fork, experts):
     tensors, description = fork.to_file()
-    with pytest.raises(InputError, match="experts"):
-        type(fork).from_file("file", tensors, {**description, "experts": []})
+    with pytest.raises(InputError) as caught:
+        type(fork).from_file("file", tensors, {**description, "experts": experts})
+    assert caught.value.field == "experts"
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "field"),
+    [
+        ("expert.1.grid", 2.0, "experts"),
+        ("shares", -1.0, "shares, leanings"),
+        ("leanings", 0.0, "shares, leanings"),
+    ],
+)
+def test_a_file_whose_experts_do_not_fit_is_refused(fork, name, factor, field):
+    tensors, description = fork.to_file()
+    with pytest.raises(InputError) as caught:
+        type(fork).from_file("file", {**tensors, name: factor * tensors[name]}, description)
+    assert caught.value.field == field

@@ -73,9 +73,17 @@ def test_round_trip_gives_the_same_bits(fan, tmp_path):
     assert again.confidence_gain == fan.confidence_gain
 
 
-def test_a_nan_position_gives_a_nan_prediction(fan):
-    mean, _ = fan.predict([5.0], [[np.nan, 0.0]], fan.grid[60:])
-    assert np.isnan(mean).all()
+@pytest.mark.parametrize("bad", [([5.0], [[np.nan, 0.0]]), ([np.nan], [[1.0, 0.0]])])
+def test_nan_observations_give_nan_predictions(fan, bad):
+    for values in fan.predict(*bad, fan.grid[60:]):
+        assert values.shape == (41, 2)
+        assert np.isnan(values).all()
+
+
+@pytest.mark.parametrize(("time", "end"), [(-3.0, 0.0), (14.0, 10.0)])
+def test_times_outside_the_grid_count_as_its_ends(fan, time, end):
+    shown = [[0.3 * end, 0.0]]
+    np.testing.assert_array_equal(fan.predict([time], shown, [4.0]), fan.predict([end], shown, [4.0]))
 
 
 def test_a_missing_package_is_named_with_its_extra(monkeypatch):
