@@ -43,7 +43,7 @@ class Train(Command):
     """What works best, or the method of the paper."""
     score: OptionalText = None
     """How demonstrations are scored: "clearance", a column of the files, or "module:function" of the
-    positions (n, 2). Default: the scores in the files; where there are none, all have the same weight."""
+    positions (n, D). Default: the scores in the files; where there are none, all have the same weight."""
     unweighted: bool = False
     """Sample all demonstrations with the same probability, whatever their scores."""
     seed: int = 0

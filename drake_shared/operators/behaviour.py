@@ -30,7 +30,8 @@ class Behaviour:
         late_start: Time before the first command, in [s].
         speed_factor: 1 takes the scenario's travel time; 1.3 is 30% faster.
         switch_time: When the operator changes to the second route, if there is one, in [s].
-        pause_time, pause: When the operator stops giving commands, in [s], and for how long, in [s].
+        pause_time: When the operator stops giving commands, in [s].
+        pause: Duration of that, in [s]; 0: the operator never stops.
         signal_noise: Standard deviation of further noise, relative to the command: the noise of muscles grows
             with their activity (Harris and Wolpert 1998).
         random_share: Probability in a step of a random command in place of the intended one: the "noisy"

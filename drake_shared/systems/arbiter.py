@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -74,6 +75,8 @@ class Arbiter(LeafSystem):
         weight_inputs: Sequence[str] | None = None,
     ) -> None:
         super().__init__()
+        # Such as "confidence_blender"; a diagram may give another name.
+        self.set_name(re.sub("(?<=[a-z])(?=[A-Z])", "_", type(self).__name__).lower())
         check_positive(self, period=period)
         self.robot: Robot = DiffDrive() if robot is None else robot
         check_robot(self.robot)
@@ -196,8 +199,8 @@ class Arbiter(LeafSystem):
             raise
 
     def _out_of_range(self, context: Context, expected: str, got: object) -> RunError:
-        name = f"{self.get_name()} ({type(self).__name__})" if self.get_name() else type(self).__name__
-        return RunError(f"{name}: {expected}, got {got} at t = {context.get_time():.3f} s")
+        name, time = f"{self.get_name()} ({type(self).__name__})", context.get_time()
+        return RunError(f"{name}: {expected}, got {got} at t = {time:.3f} s")
 
 
 def _check_driver(driver: str) -> None:

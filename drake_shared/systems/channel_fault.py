@@ -62,6 +62,7 @@ class ChannelFault(LeafSystem):
         period: float = 0.05,
     ) -> None:
         super().__init__()
+        self.set_name("channel_fault")
         self._delay, self._jitter, self._loss, self._nan = delay, jitter, loss, nan
         # Times of steps are sums with rounding errors, which must not move one past a bound.
         self._slack = 1e-6 * period

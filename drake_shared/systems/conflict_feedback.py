@@ -47,6 +47,7 @@ class ConflictFeedback(LeafSystem):
 
     def __init__(self, *, robot: Robot, feedback: Feedback) -> None:
         super().__init__()
+        self.set_name("conflict_feedback")
         check_robot(robot)
         self._robot = robot
         self._feedback = feedback

@@ -52,6 +52,7 @@ class LearnerFault(LeafSystem):
         self, *, delay: float = 0.0, nan: float = 0.0, robot: Robot | None = None, period: float = 0.05
     ) -> None:
         super().__init__()
+        self.set_name("learner_fault")
         self._empty = empty_intention(len((robot or DiffDrive()).position_names))
         self._steps = math.ceil(delay / period - 1e-6)
         self._nan, self._period = nan, period

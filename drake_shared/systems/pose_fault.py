@@ -62,6 +62,7 @@ class PoseFault(LeafSystem):
         period: float = 0.05,
     ) -> None:
         super().__init__()
+        self.set_name("pose_fault")
         robot = robot or DiffDrive()
         names = robot.configuration_names
         self._places = [names.index(name) for name in robot.position_names if name in names]

@@ -82,6 +82,7 @@ class SafetyFilter(LeafSystem):
         obstacles: Sequence[Obstacle] = (),
     ) -> None:
         super().__init__()
+        self.set_name("safety_filter")
         if not (math.isfinite(period) and period > 0):
             raise ValueError(f"period must be positive and finite, got {period}")
         check_clearance(clearance)

@@ -44,6 +44,7 @@ class WheelSlip(LeafSystem):
 
     def __init__(self, *, slip: float, patch: float = 0.5, size: int = 2) -> None:
         super().__init__()
+        self.set_name("wheel_slip")
         if not 0.0 <= slip <= 1.0:
             raise InputError("WheelSlip", "slip", "must be from 0 to 1", slip)
         self._slip = slip

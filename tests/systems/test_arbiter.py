@@ -228,6 +228,11 @@ def test_an_arbiter_that_breaks_the_contract_is_refused_when_it_is_wired(scenari
     assert caught.value.field == field
 
 
+def test_a_system_is_named_after_its_class():
+    assert ConfidenceBlender().get_name() == "confidence_blender"
+    assert Timid().get_name() == "timid"
+
+
 def test_an_error_names_the_arbiter_and_its_type():
     dut = Wrong(7.0)
     dut.set_name("left_arm")
