@@ -59,8 +59,8 @@ def plan_routes(scenario: Scenario, *, most: int = 8, longest: float = 1.6) -> l
         longest: Largest cost of a route, as a multiple of the least one to the same goal.
 
     Returns:
-        The routes; none to a goal that cannot be reached, and none if the workspace is too large to be
-        searched with cells smaller than the robot.
+        The routes; none to a goal that cannot be reached. If the workspace is too large to be searched with
+        cells smaller than the robot, the straight line alone, if that is clear of obstacles.
     """
     return [route for goal in scenario.all_goals for route in _routes_to(scenario, goal, most, longest)]
 
@@ -68,7 +68,7 @@ def plan_routes(scenario: Scenario, *, most: int = 8, longest: float = 1.6) -> l
 def _routes_to(scenario: Scenario, goal: Goal, most: int, longest: float) -> list[PlannedRoute]:
     search = _Search(scenario, goal)
     if search.is_too_large:
-        return []
+        return search.straight_line(goal)
     found: list[PlannedRoute] = []
     for cost, way, cells in search.cheapest_paths():
         if len(found) == most or (found and cost > longest * found[0].cost):
@@ -129,6 +129,15 @@ class _Search:
         self.places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
         self._clearance = self._distance.least(*self.places.T) - self._radius
         self._free = self._clearance > _LEAST_CLEARANCE * self._scale
+
+    def straight_line(self, goal: Goal) -> list[PlannedRoute]:
+        """The route straight to the goal, unless an obstacle is in its way."""
+        points = np.linspace(self.start, self.goal, _POINTS)
+        steps = np.linspace(self.start, self.goal, max(_POINTS, int(self._length / self._radius)))
+        if self._distance.least(*steps.T).min() <= self._radius + _LEAST_CLEARANCE * self._scale:
+            return []
+        passes = {name: across < 0.0 for name, (_, across) in zip(self.names, self._rays, strict=True)}
+        return [PlannedRoute(points=points, passes=passes, cost=self._length, goal=goal)]
 
     def cheapest_paths(self) -> list[tuple[float, int, Integers]]:
         """Cost, way and cells of the cheapest path of each way that leads to the goal."""

@@ -86,12 +86,21 @@ def test_there_is_no_route_through_a_wall():
     assert plan_routes(walled) == []
 
 
-def test_a_workspace_too_large_to_search_has_no_routes():
+@pytest.mark.parametrize("tree", [-2.0, 2.0, 0.1])
+def test_a_workspace_too_large_to_search_has_the_straight_line_alone_if_it_is_clear(tree):
     road = Scenario(
         goal=Goal(x=20_000.0, y=0.0),
         workspace=Workspace(x_min=-1.0, x_max=20_001.0, y_min=-5.0, y_max=5.0),
+        obstacles=[Circle(name="tree", x=7_000.0, y=tree, radius=1.0)],
     )
-    assert plan_routes(road) == []
+    found = plan_routes(road)
+    if tree == 0.1:
+        assert found == []
+        return
+    (route,) = found
+    assert not route.points[:, 1].any()
+    assert (route.points[-1, 0], route.cost) == (20_000.0, 20_000.0)
+    assert route.passes == {"tree": passing_side(route.points, (7_000.0, tree)) == "left"}
 
 
 @settings(max_examples=12, deadline=None)
