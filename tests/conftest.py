@@ -22,8 +22,10 @@ _LONG = ("experiments", "cockpit", "docs", "analysis", "cli", "learners")
 
 
 def pytest_configure() -> None:
-    # A shell lets its background jobs ignore interrupts, which tests send to themselves and to subprocesses.
+    # A shell lets its background jobs ignore interrupts, and nohup the end of the terminal. Tests send both
+    # to themselves and to subprocesses.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
