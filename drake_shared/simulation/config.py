@@ -7,13 +7,14 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 from drake_shared.arbitration.authority import Authority
 from drake_shared.arbitration.blend import DRIVERS
 from drake_shared.arbitration.feedback import Feedback
 from drake_shared.common.errors import InputError
-from drake_shared.common.suggestions import did_you_mean, suggestion
+from drake_shared.common.suggestions import suggestion
+from drake_shared.common.typed_fields import read_fields
 from drake_shared.common.yaml_document import parse_yaml, read_yaml, value_of
 from drake_shared.robots import Arm, DiffDrive, Robot
 from drake_shared.simulation.faults import Faults
@@ -24,8 +25,6 @@ LEAST_CLEARANCE, MOST_CLEARANCE = 0.001, 1.0
 _BLEND = "blend"
 _CLEARANCES: Mapping[type, float] = {DiffDrive: 0.03 / 0.267, Arm: 0.015 / 0.09}
 """What the safety filter keeps by default, as a share of the robot's characteristic length."""
-
-T = TypeVar("T")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -103,7 +102,7 @@ class SharedControlConfig:
         Raises:
             InputError: A field is unknown, of another type, out of range, or contradicts another one.
         """
-        return _from_mapping(cls, data, source, "")
+        return read_fields(cls, data, source=source)
 
     def _split_arbitration(self) -> None:
         """Moves options in the text of ``arbitration`` to their field, and a driver there to ``driver``."""
@@ -217,26 +216,6 @@ def config_of_log(
         if metadata.get(field) is not None:
             data[field] = metadata[field]
     return SharedControlConfig.from_json(data, source=source)
-
-
-def _from_mapping(cls: type[T], data: Any, source: str | os.PathLike[str], path: str) -> T:
-    """The dataclass that a mapping describes, with those inside it."""
-    if not isinstance(data, Mapping):
-        raise InputError(source, path, "must be fields with values", repr(data))
-    defaults = {field.name: getattr(cls(), field.name) for field in dataclasses.fields(cls)}  # type: ignore[arg-type]
-    values: dict[str, Any] = {}
-    for name, value in data.items():
-        where = f"{path}.{name}" if path else str(name)
-        if name not in defaults:
-            raise InputError(source, where, f"is unknown{did_you_mean(str(name), defaults)}")
-        inner = type(defaults[name])
-        values[name] = (
-            _from_mapping(inner, value, source, where) if dataclasses.is_dataclass(inner) else value
-        )
-    try:
-        return cls(**values)
-    except InputError as error:
-        raise error.within(source, path) from error
 
 
 def _parse_options(text: str) -> dict[str, float | str]:

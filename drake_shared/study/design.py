@@ -13,13 +13,13 @@ from typing import Any, Literal
 from drake_shared.analysis.glossary import OF_TRIALS
 from drake_shared.common.errors import InputError
 from drake_shared.common.suggestions import did_you_mean
+from drake_shared.common.typed_fields import read_fields
 from drake_shared.common.yaml_document import parse_yaml, read_yaml, value_of
 from drake_shared.learners.storage import find_file
 from drake_shared.scenario import Scenario, load_scenario, shipped_scenarios
 from drake_shared.simulation.config import SharedControlConfig
 from drake_shared.study.orders import Order, assign_groups, assign_orders
 from drake_shared.study.questionnaires import Questionnaire, load_questionnaire
-from drake_shared.study.typed_fields import read_fields
 
 RUN_FIELDS = ("late_share", "latency_p99", "ping")
 """What trials carry beside their metrics and an exclusion rule can name: share of late control steps, 99th

@@ -11,12 +11,11 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from drake_shared.common.errors import InputError
-from drake_shared.common.suggestions import did_you_mean
-from drake_shared.simulation.config import SharedControlConfig
+from drake_shared.common.suggestions import did_you_mean, suggestion
 
 T = TypeVar("T")
 Source = str | os.PathLike[str]
-_NAMES = {str: "text", int: "a whole number", float: "a number", bool: "true or false"}
+_NAMES = {str: "text", int: "a whole number", float: "a finite number", bool: "true or false"}
 
 
 def read_fields(schema: type[T], data: Any, *, source: Source, path: str = "") -> T:
@@ -52,11 +51,11 @@ def read_fields(schema: type[T], data: Any, *, source: Source, path: str = "") -
 def _value(kind: Any, value: Any, source: Source, path: str) -> Any:
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin in (typing.Union, types.UnionType):
-        if value is None:
+        kinds = [item for item in arguments if item is not type(None)]
+        if value is None and len(kinds) < len(arguments):
             return None
-        return _value(next(item for item in arguments if item is not type(None)), value, source, path)
-    if kind is SharedControlConfig:
-        return _config(value, source, path)
+        fitting = next((item for item in kinds if type(value) is item), kinds[0])
+        return _value(fitting, value, source, path)
     if dataclasses.is_dataclass(kind):
         return read_fields(typing.cast(type[Any], kind), value, source=source, path=path)
     if origin is tuple:
@@ -65,7 +64,8 @@ def _value(kind: Any, value: Any, source: Source, path: str) -> Any:
         return tuple(_value(arguments[0], item, source, f"{path}[{i}]") for i, item in enumerate(value))
     if origin is typing.Literal:
         if value not in arguments:
-            raise InputError(source, path, f"must be one of {', '.join(arguments)}", repr(value))
+            expected = f"must be one of {', '.join(arguments)}{suggestion(str(value), arguments)}"
+            raise InputError(source, path, expected, repr(value))
         return value
     if origin is Mapping:
         if not isinstance(value, Mapping):
@@ -76,15 +76,6 @@ def _value(kind: Any, value: Any, source: Source, path: str) -> Any:
     if type(value) is not kind or (kind is float and not math.isfinite(value)):
         raise InputError(source, path, f"must be {_NAMES[kind]}", repr(value))
     return value
-
-
-def _config(value: Any, source: Source, path: str) -> SharedControlConfig:
-    if not isinstance(value, Mapping):
-        raise InputError(source, path, "must be fields of how control is shared", repr(value))
-    try:
-        return SharedControlConfig.from_json(value, source=source)
-    except InputError as error:
-        raise error.within(source, path) from error
 
 
 def _join(path: str, name: object) -> str:
