@@ -10,8 +10,8 @@ import pytest
 from mcap.reader import make_reader
 
 from drake_shared.analysis.export import export
-from drake_shared.analysis.export.lerobot import read_lerobot, write_lerobot
-from drake_shared.analysis.export.mcap_files import read_mcap, write_mcap
+from drake_shared.analysis.export.lerobot import write_lerobot
+from drake_shared.analysis.export.mcap_files import write_mcap
 from drake_shared.analysis.export.tables import write_csv
 from drake_shared.cli.main import main
 from drake_shared.common.errors import InputError
@@ -35,6 +35,25 @@ def same(one, other) -> bool:
     return np.array_equal(one, other, equal_nan=np.asarray(one).dtype.kind == "f")
 
 
+def read_mcap(path):
+    """Columns and metadata of a trial."""
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        (metadata,) = (item.metadata for item in reader.iter_metadata() if item.name == "drake_shared")
+        rows = [json.loads(message.data) for _, _, message in reader.iter_messages(topics=["/log"])]
+    columns = {name: [np.nan if row[name] is None else row[name] for row in rows] for name in rows[0]}
+    return columns, json.loads(metadata["log"])
+
+
+def read_lerobot(folder):
+    """The features of each episode, as arrays."""
+    frames = pq.read_table(folder / "data").to_pandas()
+    return [
+        {name: np.stack(values.to_list()) for name, values in episode.items()}
+        for _, episode in frames.groupby("episode_index")
+    ]
+
+
 def test_csv_reads_back_to_the_bit(logs, tmp_path):
     export(logs, tmp_path / "out", write_csv)
     for name, trial in logs:
@@ -53,9 +72,9 @@ def test_csv_reads_back_to_the_bit(logs, tmp_path):
 def test_mcap_reads_back_to_the_bit_and_has_foxgloves_schemas(logs, tmp_path):
     export(logs, tmp_path / "out", write_mcap)
     for name, trial in logs:
-        found = read_mcap(tmp_path / "out" / f"{name}.mcap")
-        assert found.metadata == json.loads(json.dumps(dict(trial.metadata)))
-        assert all(same(values, found[column]) for column, values in trial.columns.items())
+        columns, metadata = read_mcap(tmp_path / "out" / f"{name}.mcap")
+        assert metadata == json.loads(json.dumps(dict(trial.metadata)))
+        assert all(same(values, columns[column]) for column, values in trial.columns.items())
         with (tmp_path / "out" / f"{name}.mcap").open("rb") as file:
             messages = list(make_reader(file).iter_messages())
         schemas = {channel.topic: schema.name for schema, channel, _ in messages}

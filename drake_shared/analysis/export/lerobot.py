@@ -95,15 +95,6 @@ def write_lerobot(logs: Sequence[tuple[str, Trial]], folder: Path) -> None:
     _write_json(folder / "meta" / "stats.json", _pooled(episodes))
 
 
-def read_lerobot(folder: Path) -> list[Frames]:
-    """The frames of each episode of a dataset that `write_lerobot` wrote."""
-    table = pa.concat_tables(pq.read_table(path) for path in sorted(folder.glob("data/*/*.parquet")))
-    frames = {name: _as_array(table[name]) for name in table.column_names}
-    borders = np.flatnonzero(np.diff(frames["episode_index"])) + 1
-    parts = {name: np.split(values, borders) for name, values in frames.items()}
-    return [dict(zip(parts, values, strict=True)) for values in zip(*parts.values(), strict=True)]
-
-
 def _task(trial: Trial) -> str:
     route = trial.metadata.get("route")
     way = f" along route {route}" if route else ""
@@ -149,14 +140,6 @@ def _as_column(values: NDArray[Any]) -> pa.Array:
     if values.ndim == 1:
         return pa.array(values)
     return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
-
-
-def _as_array(column: pa.ChunkedArray) -> NDArray[Any]:
-    if not pa.types.is_fixed_size_list(column.type):
-        found: NDArray[Any] = column.to_numpy()
-        return found
-    flat: NDArray[Any] = column.combine_chunks().flatten().to_numpy()
-    return flat.reshape(-1, column.type.list_size)
 
 
 def _features(trial: Trial, frames: Frames) -> dict[str, dict[str, Any]]:

@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from drake_shared.simulation.log import Trial
@@ -43,18 +41,6 @@ def write_mcap(logs: Sequence[tuple[str, Trial]], folder: Path) -> None:
     for name, trial in logs:
         with (folder / f"{name}.mcap").open("wb") as file:
             _write(trial, file)
-
-
-def read_mcap(path: Path) -> Trial:
-    """The trial of a file that `write_mcap` wrote, with the same bits."""
-    with path.open("rb") as file:
-        reader = make_reader(file)
-        metadata = next(item.metadata for item in reader.iter_metadata() if item.name == METADATA)
-        rows = [json.loads(message.data) for _, _, message in reader.iter_messages(topics=[LOG])]
-    columns = {
-        name: np.array([math.nan if row[name] is None else row[name] for row in rows]) for name in rows[0]
-    }
-    return Trial(columns=columns, metadata=json.loads(metadata["log"]))
 
 
 def _write(trial: Trial, file: Any) -> None:

@@ -48,11 +48,6 @@ class IrSim:
         """Position of the robot, shape (2,), in [m]."""
         return np.array(self._environment.robot.state, dtype=float).ravel()[:2]
 
-    @property
-    def collided(self) -> bool:
-        """Whether the robot touches an obstacle."""
-        return bool(self._environment.robot.collision)
-
 
 def describe_world(scenario: Scenario) -> dict[str, Any]:
     """The scenario in IR-SIM's format, with the robot moved below all obstacles, where its path is free."""
