@@ -120,6 +120,14 @@ def test_no_safe_command_within_reach_is_much_nearer(make_query):
     assert max(excess) < 0.25
 
 
+def test_where_gaps_are_far_from_linear_a_command_on_the_way_to_braking_is_found(make_query):
+    circles = [(-1.006 + 1.016j, 0.267), (0.716 - 0.135j, 0.128), (-0.47 + 0.371j, 0.463)]
+    pose, wheels, command = (0.36, 0.477, 3.052), (2.479, 4.424), (2.436, 5.652)
+    safe = filtered(make_query(circles), pose, wheels, command)
+    assert least_gaps(circles, pose, wheels, [safe])[0] > CLEARANCE
+    assert (np.array(safe) > np.array(wheels) - CHANGE + 0.1).all()
+
+
 def test_a_mirrored_state_has_the_mirrored_command(make_query):
     for circles, pose, wheels, command in states(20, seed=2):
         safe = filtered(make_query(circles), pose, wheels, command)
