@@ -64,7 +64,7 @@ class PrompLearner(GridLearner):
         """Mean (Q, D) in [m] and variance (Q, D) in [m^2] at ``query_times`` (Q,); see `Learner.predict`."""
         size = self.position_size
         seen_times, seen, queries = check_query(times, positions, query_times, size)
-        if not np.isfinite(seen_times.sum() + seen.sum()):
+        if not (np.isfinite(seen_times).all() and np.isfinite(seen).all()):
             return np.full((len(queries), size), np.nan), np.full((len(queries), size), np.nan)
         primitive, basis = self._primitive
         for time, position in zip(np.clip(seen_times, 0.0, self.duration), seen, strict=True):
@@ -77,7 +77,7 @@ class PrompLearner(GridLearner):
         variance = np.stack(
             [((basis @ covariance[axis, :, axis]) * basis).sum(axis=1) for axis in range(size)], axis=-1
         )
-        variance = np.maximum(variance, 0.0) + self.floor**2
+        variance += self.floor**2
         return path_at(mean, self.grid, queries), path_at(variance, self.grid, queries)
 
     @cached_property

@@ -1,6 +1,7 @@
 """Training on toy tasks whose answer is known, and on minimal data."""
 
 import dataclasses
+import itertools
 from time import perf_counter
 
 import numpy as np
@@ -188,6 +189,17 @@ def test_seconds_determine_iterations_that_reproduce_the_learner(two_ways):
         again = train(two_ways, iterations=record["iterations"])
         shown = ([1.0], [[1.0, 0.7]], timed.grid)
         np.testing.assert_array_equal(timed.predict(*shown), again.predict(*shown))
+
+
+def test_the_time_that_is_left_determines_the_iterations(two_ways, monkeypatch):
+    """By a clock that goes on by 1 ms whenever it is read: one iteration takes as long."""
+    clock = itertools.count()
+    monkeypatch.setattr("time.perf_counter", lambda: 1e-3 * next(clock))
+    parameters = dataclasses.replace(PRESETS["default"], encoder=(8, 8), decoder=(8,), restarts=0)
+    record = train(two_ways, parameters=parameters, seconds=0.5).metadata["training"]
+    # A twentieth of the time is reserved, and in a twentieth of the rest an iteration is timed.
+    assert record["planned"] == pytest.approx(0.95 * 0.95 * 500, abs=8)
+    assert record["iterations"] == record["planned"]
 
 
 def test_training_restarts_if_the_learner_ignores_observations(two_ways):
