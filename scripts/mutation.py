@@ -262,6 +262,12 @@ class Judge:
     def __call__(self, mutant: Mutant) -> str:
         """Returns "survived", "killed" or "timeout"."""
         copy = self._copies.get()
+        try:
+            return self._judge(copy, mutant)
+        finally:
+            self._copies.put(copy)
+
+    def _judge(self, copy: Path, mutant: Mutant) -> str:
         tests = tuple(tests_of(mutant.module, self._tests))
         if (copy, tests) not in self._patience:
             start = time.monotonic()
@@ -271,7 +277,6 @@ class Judge:
         (copy / mutant.module).write_text(mutant.code, encoding="utf-8")
         outcome = run_tests(copy, tests, self._patience[copy, tests])
         shutil.copy2(ROOT / mutant.module, copy / mutant.module)
-        self._copies.put(copy)
         return outcome
 
 
@@ -319,9 +324,12 @@ def main() -> int:
             return {"key": mutant.key, "outcome": judge(mutant), **mutant._replace(code="")._asdict()}
 
         unknown = [mutant for mutant in mutants if mutant.key not in known]
-        for result in filter(None, pool.map(result_of, unknown)):
-            results.append(result)
-            print(json.dumps(result), file=file, flush=True)
+        try:
+            for result in filter(None, pool.map(result_of, unknown)):
+                results.append(result)
+                print(json.dumps(result), file=file, flush=True)
+        finally:
+            pool.shutdown(cancel_futures=True)
     report(results, total)
     return 0
 
