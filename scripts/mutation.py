@@ -123,6 +123,10 @@ def mutant_at(place: Place) -> Mutant | None:
     code = mutate_code(source, _operators()[name], occurrence)
     if code is None or _structure(code) in (None, _structure(source)):
         return None
+    if code.count("[ -1]") > source.count("[ -1]"):
+        return (
+            None  # Of one element [0] and [-1] are the same, and of two [1] and [-1]: [0] becomes [1] alone.
+        )
     lines = difflib.unified_diff(source.splitlines(), code.splitlines(), module, module, n=0, lineterm="")
     return Mutant(module, name.rpartition("/")[2], "\n".join(list(lines)[2:]), code)
 

@@ -177,6 +177,12 @@ def test_a_band_beyond_what_a_confidence_can_be_is_refused(threshold, margin):
         TradedControl(threshold=threshold, margin=margin)
 
 
+def test_a_band_of_no_width_and_one_up_to_certainty_are_allowed():
+    for threshold, margin in ((0.5, 0.0), (1.0, 0.0), (0.75, 0.25)):
+        expected = {"threshold": threshold, "margin": margin}
+        assert TradedControl(threshold=threshold, margin=margin).configuration == expected
+
+
 def test_a_system_is_taken_as_it_is(scenario, learner):
     trial = run(scenario, learner, None, ConstantWeightBlender(0.25))
     assert np.all(trial["human_weight"] == 0.25)

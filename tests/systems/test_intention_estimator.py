@@ -9,6 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_shared.common.errors import InputError, RunError
+from drake_shared.learners import Modes
 from drake_shared.robots import DiffDrive
 from drake_shared.simulation.config import config_for
 from drake_shared.simulation.trial import Simulation, TrialSettings
@@ -342,6 +343,49 @@ def test_influence_of_the_pose_is_the_distance_by_which_it_moved_the_expected_pa
 def test_influence_is_finite_for_a_prediction_of_nan(fake_learner):
     bench = Bench(fake_learner(np.full_like(WAY, math.nan), variance=math.nan)).step()
     assert bench.influence == [0.0, 0.0]
+
+
+class Forking(Pointing):
+    """Predicts to the right and, more probable, to the left; the driver follows the left one."""
+
+    def predict_modes(self, times, positions, query_times):
+        mean, variance = self.predict(times, positions, query_times)
+        means = np.stack([mean - [0.0, 1.0], mean + [0.0, 1.0]])
+        variances = np.stack([variance, 2.0 * variance])
+        modes = Modes(probability=np.array([0.3, 0.7]), mean=means, variance=variances, aim=1)
+        return mean, variance, modes
+
+
+class Sideways:
+    """Moves the points of every path to the left, the later in the trial the further."""
+
+    def __call__(self, poses, paths, times, now):
+        self.poses, self.times, self.now = poses, times, now
+        moved = 0.1 * times
+        return paths + np.stack([np.zeros_like(moved), moved], axis=-1), moved
+
+
+@pytest.mark.parametrize(("learner", "count"), [(Pointing, 1), (Forking, 2)])
+def test_a_repaired_path_is_as_unsure_as_it_was_moved_far(learner, count):
+    repair = Sideways()
+    plain, repaired = (Bench(learner(), repair=item).at(1.0, 0.0, time=2.0) for item in (None, repair))
+    before, after = plain.intention, repaired.intention
+    to_come = GRID[GRID > 2.0 + 1e-9]
+    first = len(GRID) - len(to_come)
+    np.testing.assert_allclose(repair.poses, [[1.0, 0.0, 0.0]] * count)
+    np.testing.assert_allclose(repair.times, [to_come] * count)
+    np.testing.assert_allclose(repair.now, [2.0] * count)
+    aside = np.stack([np.zeros_like(to_come), 0.1 * to_come], axis=-1)
+    wider = np.square(0.1 * to_come)[:, None]
+    np.testing.assert_allclose(after.mean[first:], before.mean[first:] + aside)
+    np.testing.assert_allclose(after.variance[first:], before.variance[first:] + wider)
+    assert repaired.mean_variance == pytest.approx(plain.mean_variance + wider.mean())
+    if learner is Forking:
+        # The agent helps along the mode that the driver follows.
+        np.testing.assert_allclose(before.mean[first:], before.modes.mean[1])
+        np.testing.assert_allclose(after.modes.mean, before.modes.mean + aside)
+        np.testing.assert_allclose(after.modes.variance, before.modes.variance + wider)
+        np.testing.assert_array_equal(repaired.eval("modes").mean, after.modes.mean)
 
 
 class Broken(Pointing):

@@ -208,6 +208,12 @@ def test_the_command_of_a_sample_older_than_150_ms_is_zero(bench):
     assert bench.mouse["age"] == pytest.approx(0.151)
 
 
+def test_a_sample_that_arrives_after_the_clock_was_read_has_no_age(bench):
+    bench.driver.sample = dataclasses.replace(bench.driver.sample, y=-80, arrival=bench.driver.now + 0.01)
+    assert np.all(bench.step().command > 0)
+    assert bench.mouse["age"] == 0.0
+
+
 def test_after_a_gap_the_stick_follows_the_total_displacement(bench):
     bench.step(y=-80)
     bench.driver.now += 0.3
