@@ -37,9 +37,7 @@ class ArbiterGuard(Arbiter):
         robot, period, driver: See :class:`~drake_shared.systems.arbiter.Arbiter`.
     """
 
-    def __init__(
-        self, arbiter: str, *, robot: Robot | None = None, period: float = 0.05, driver: str = "shared"
-    ) -> None:
+    def __init__(self, arbiter: str, *, robot: Robot, period: float, driver: str) -> None:
         super().__init__(robot=robot, period=period, driver=driver)
         self._arbiter = arbiter
         self._watched_command_port = self.DeclareVectorInputPort(
