@@ -350,7 +350,7 @@ class Forking(Pointing):
 
     def predict_modes(self, times, positions, query_times):
         mean, variance = self.predict(times, positions, query_times)
-        means = np.stack([mean - [0.0, 1.0], mean + [0.0, 1.0]])
+        means = mean + np.array([[[0.0, -1.0]], [[0.0, 1.0]]])
         variances = np.stack([variance, 2.0 * variance])
         modes = Modes(probability=np.array([0.3, 0.7]), mean=means, variance=variances, aim=1)
         return mean, variance, modes
