@@ -310,10 +310,11 @@ class Session:
     def _finish(self, running: RunningTrial, real_time: RealTime, status: str, failure: str | None) -> None:
         """Saves the trial and shows its result."""
         self._number += 1
+        timing = real_time.describe()
         described: dict[str, Any] = {
             "started": self._started.isoformat(),
             "ended": datetime.datetime.now().astimezone().isoformat(),
-            "real_time": real_time.describe(),
+            "real_time": timing,
         }
         operator = self._simulation.parts.operator
         if isinstance(operator, MouseInput):
@@ -326,6 +327,8 @@ class Session:
         text = f"Trial {self._number}: {status} after {trial['t'][-1]:.2f} s"
         text += f" ({failure})" if failure else ""
         text += f"; not saved: {error}" if error else f", saved as {saved}" if saved else ""
+        if timing["put_off"] > 0.1 * trial["t"][-1]:
+            text += f"; {timing['put_off']:.1f} s slower than real time: a part of the loop is too slow"
         if "another_driver" in trial.columns and trial["another_driver"].any():
             begin = trial["t"][trial["another_driver"].argmax()]
             text += f"; another driver than that of --person was noticed at {begin:.1f} s"

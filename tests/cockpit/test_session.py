@@ -314,6 +314,26 @@ def test_after_a_failure_of_the_learner_the_trial_is_saved_and_the_driver_goes_o
     ]
 
 
+class SlowLearner(FailingLearner):
+    """Takes four control steps for each prediction while ``armed``."""
+
+    def predict(self, times, positions, query_times):
+        time.sleep(0.2 if self.armed else 0.0)
+        return self._learner.predict(times, positions, query_times)
+
+
+def test_a_trial_that_is_slower_than_real_time_is_reported(start_cockpit, open_floor, route_learner, until):
+    open_floor.duration = 0.5
+    learner = SlowLearner(route_learner(open_floor), fail_at=0.0)
+    cockpit = start_cockpit(open_floor, learner)
+    learner.armed = True
+    with Driver(cockpit.driver_lock) as driver:
+        driver.push(turn=1.0)
+        trial = cockpit.next_trial()
+    assert trial.metadata["real_time"]["put_off"] > 0.05
+    until(lambda: any("slower than real time" in message for message in cockpit.messages), "the report")
+
+
 def test_a_learner_that_fails_at_once_leaves_the_human_alone(start_cockpit, short_floor, route_learner):
     learner = FailingLearner(route_learner(short_floor), fail_at=0.0)
     cockpit = start_cockpit(short_floor, learner)
