@@ -61,10 +61,11 @@ def test_total_variance_is_that_within_and_between_modes(fork):
     np.testing.assert_allclose(variance, total, rtol=1e-9)
 
 
-def test_a_nan_position_gives_a_nan_prediction(fork):
-    mean, variance = fork.predict([0.0], [[np.nan, 0.0]], fork.grid[1:])
-    assert np.isnan(mean).all()
-    assert np.isnan(variance).all()
+@pytest.mark.parametrize("bad", [([0.0], [[np.nan, 0.0]]), ([np.nan], [[0.0, 0.0]])])
+def test_nan_observations_give_nan_predictions(fork, bad):
+    for values in fork.predict(*bad, fork.grid[1:]):
+        assert values.shape == (100, 2)
+        assert np.isnan(values).all()
 
 
 def test_file_round_trip(fork, tmp_path):

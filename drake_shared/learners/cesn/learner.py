@@ -73,7 +73,7 @@ class CesnLearner(RegressionLearner):
         return values
 
     def _condition(self, times: Array, positions: Array, queries: Array) -> Prediction:
-        if not math.isfinite(float(times.sum() + positions.sum())):
+        if not (np.isfinite(times).all() and np.isfinite(positions).all()):
             shape = (len(queries), self.position_size)
             return np.full(shape, math.nan), np.full(shape, math.nan)
         times = np.minimum(np.maximum(times, 0.0), self.duration)

@@ -111,7 +111,7 @@ class MixtureLearner(StoredLearner):
         logs = np.log(self.shares)
         rate = (len(self.grid) - 1) / self.duration
         for time, position in zip(times.tolist(), positions.tolist(), strict=True):
-            if not math.isfinite(time + sum(position)):
+            if not math.isfinite(sum(position, time)):
                 return np.full(len(logs), math.nan)
             step = round(min(max(time, 0.0), self.duration) * rate)
             for x, centers, widths in zip(position, *self._routes, strict=True):

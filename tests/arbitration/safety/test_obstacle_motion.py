@@ -62,6 +62,20 @@ def test_between_the_nodes_no_displacement_is_farther_along_any_direction():
                     assert moved <= np.interp(moment, times, along) + 1e-12
 
 
+@pytest.mark.parametrize("turn", [0.02, 0.1, 0.3])
+def test_a_turn_of_the_obstacle_counts_at_both_ends_of_the_pieces_that_the_robot_is_on_then(turn):
+    paths = BrakingPaths(DiffDrive(), (0.0, 0.0, 0.0), (6.0, 6.0), [(6.0, 6.0)], PERIOD)
+    motion = make(times=(-1.0, turn, 2.0))
+    times = paths.times()[0]
+    _, until, at_turn = motion.displacements_along(paths)[:, 0]
+    # The plant may lag behind by a period.
+    begins, ends = np.maximum(times[:-1] - PERIOD, 0.0), np.append(times[1:-1], HORIZON)
+    on_piece = (begins <= turn) & (turn <= ends)
+    counts = np.append(on_piece, False) | np.append(False, on_piece)
+    assert 0 < counts.sum() < len(counts)
+    np.testing.assert_allclose(at_turn, np.where(counts, motion.displacement(turn), until), atol=1e-12)
+
+
 def test_a_stop_changes_the_displacements_along_a_path():
     paths = BrakingPaths(DiffDrive(), (0.0, 0.0, 0.0), (6.0, 6.0), [(6.0, 6.0)], PERIOD)
     motion = make()
