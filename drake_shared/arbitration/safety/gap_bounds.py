@@ -114,20 +114,20 @@ class GapBounds:
             None if the path keeps the required gaps, else the bounds of its least gaps: shape (n,), in [m].
         """
         projected = self._project(paths)
-        last: tuple[int, int] | None = None
-        end = 1
+        queried: set[tuple[int, int]] = set()
         for _ in range(_MAX_QUERIES):
             violated = _piece_bounds(projected)[0] < required
             piece, obstacle = divmod(int(violated.argmax()), self.count)
             if not violated[piece, obstacle]:
                 return None
             # Query from the end of the piece; if the piece is still violated, from its begin.
-            end = 1 if last != (piece, obstacle) else end - 1
-            last = piece, obstacle
-            if end < 0:
+            left = {(piece + 1, obstacle), (piece, obstacle)} - queried
+            if not left:
                 break
+            node = max(left)
+            queried.add(node)
             known = len(self._extra)
-            points = self._relative_points(paths, piece + end, obstacle)
+            points = self._relative_points(paths, *node)
             gap = min(self._measure(point, obstacle) for point in points)
             for plane in self._extra[known:]:
                 plane.tighten(projected, paths)

@@ -128,6 +128,16 @@ def test_where_gaps_are_far_from_linear_a_command_on_the_way_to_braking_is_found
     assert (np.array(safe) > np.array(wheels) - CHANGE + 0.1).all()
 
 
+def test_a_command_beyond_the_limits_of_the_wheels_counts_as_the_limit(make_query):
+    for circles, pose, wheels, command in states(10, seed=4):
+        query = make_query(circles)
+        for beyond, limit in (
+            ((99.0, command[1]), (FASTEST, command[1])),
+            ((command[0], 50.0), (command[0], FASTEST)),
+        ):
+            assert filtered(query, pose, wheels, beyond) == filtered(query, pose, wheels, limit)
+
+
 def test_a_mirrored_state_has_the_mirrored_command(make_query):
     for circles, pose, wheels, command in states(20, seed=2):
         safe = filtered(make_query(circles), pose, wheels, command)
