@@ -1,4 +1,4 @@
-"""An operator of one's own: somebody who drives a route with the arrow keys, which are pressed or not.
+"""A custom operator: somebody who drives a route with the arrow keys, which are pressed or not.
 
 Usage: python examples/keyboard_operator.py
 

@@ -1,4 +1,4 @@
-"""An arbiter of one's own: the agent drives where it is confident, the human elsewhere.
+"""A custom arbiter: the agent drives where it is confident, the human elsewhere.
 
 Usage: python examples/own_arbiter.py
 """

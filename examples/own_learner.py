@@ -1,4 +1,4 @@
-"""A learner of one's own: a mixture of the demonstrations, weighted by their distance to the observations.
+"""A custom learner: a mixture of the demonstrations, weighted by their distance to the observations.
 
 Usage: python examples/own_learner.py
 

@@ -1,4 +1,4 @@
-"""A robot of one's own: a point that flies in space, so that positions and commands have size 3.
+"""A custom robot: a point that flies in space, so that positions and commands have size 3.
 
 Usage: python examples/own_robot.py [LOG]
 
@@ -96,7 +96,7 @@ class PointRobot:
     def stick_command(
         self, forward: float, left: float, *, max_speed: float, max_yaw_rate: float
     ) -> tuple[float, ...]:
-        """Velocity, in [m/s], in the horizontal plane; a third axis needs an operator of one's own."""
+        """Velocity, in [m/s], in the horizontal plane; a third axis needs a custom operator."""
         return max_speed * forward, max_speed * left, 0.0
 
 

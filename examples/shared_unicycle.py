@@ -1,4 +1,4 @@
-"""A diagram of one's own round single systems: a continuous unicycle that a person and an agent share.
+"""A custom diagram around single systems: a continuous unicycle that a person and an agent share.
 
 Usage: python examples/shared_unicycle.py
 

@@ -167,7 +167,7 @@ def authority() -> Figure:
 
 
 def hall() -> Figure:
-    """The figure of the tutorial: ten trials in a scenario of one's own."""
+    """The figure of the tutorial: ten trials in a custom scenario."""
     file = HERE / "hall.yaml"
     file.write_text(HALL, encoding="utf-8")
     scenario = load_scenario(file)

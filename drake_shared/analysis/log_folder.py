@@ -24,7 +24,7 @@ _LOG = re.compile(r"trials?_(\d{5,})(?:-(\d{5,}))?\.parquet")
 # Temporary files of replacing(), which a killed process leaves, are called .trial_00003.parquet.k3v9x2ab.
 _TEMPORARY = re.compile(rf"\.{_LOG.pattern}\.\w+")
 
-# Entries of the metadata that are no settings of the trial.
+# Entries of the metadata that are not settings of the trial.
 _OF_THE_RUN = ("status", "engine")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from drake_shared.common.elementwise import FLOATS, Elementwise, Real, Reals
 from drake_shared.common.errors import InputError
 
-# A command whose elements are all below this, in its own units, is no command.
+# A command whose elements are all below this, in its own units, is not a command.
 _ZERO_COMMAND = 1e-6
 # Times are sums of periods: rounding must not delay what is due by one step.
 _TIME_SLACK = 1e-9

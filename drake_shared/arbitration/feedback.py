@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from drake_shared.common.errors import InputError
 from drake_shared.robots import Robot
 
-# A command whose elements are all below this share of their limits is no command.
+# A command whose elements are all below this share of their limits is not a command.
 _ZERO_SHARE = 1e-6
 
 

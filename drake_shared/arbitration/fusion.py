@@ -37,8 +37,8 @@ class Fusion:
 
     The axes of arrays are those of H destinations (K routes, J goals and, the last, none of them), G pairs of
     noise and time constant, and n drivers. w is the share of a lasting difference from the agent's command
-    that is executed. The command of one step is no convex combination of the human's and the agent's: quick
-    changes of the human's command, which are likely to be noise, are smoothed.
+    that is executed. The command of one step is not a convex combination of the human's and the agent's:
+    quick changes of the human's command, which are likely to be noise, are smoothed.
 
     Args:
         model: Of a driver.

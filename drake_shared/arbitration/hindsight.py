@@ -201,7 +201,7 @@ class Hindsight:
         drivers = np.arange(human.shape[1])
         pose = state["poses"][then, :, drivers].T
         index, turn = (state[name][then, :, drivers].T for name in ("indices", "turns"))
-        # The driver's pace is no evidence: of the routes' commands the turns count, at the driver's speed.
+        # The driver's pace is not evidence: of the routes' commands the turns count, at the driver's speed.
         middle = 0.5 * (human[0] + human[1])
         commands = np.stack([middle - turn, middle + turn])
         ends = self._ends(pose, np.concatenate([commands, human[:, None]], axis=1))

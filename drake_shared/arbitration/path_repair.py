@@ -246,7 +246,7 @@ class PathRepair:
 
 
 def make_path_repair(scenario: Scenario, robot: Robot, *, look_ahead: float) -> PathRepair | None:
-    """The repair for the agent of a scenario; None for robots that are no differential drive."""
+    """The repair for the agent of a scenario; None for robots that are not differential drives."""
     if not isinstance(robot, DiffDrive):
         return None
     return PathRepair(scenario.as_mapped(), look_ahead=look_ahead)

@@ -45,7 +45,7 @@ class Access:
             pages are served then, besides those of this computer.
 
     Raises:
-        InputError: ``proxy`` is no origin.
+        InputError: ``proxy`` is not an origin.
     """
 
     def __init__(

@@ -44,7 +44,7 @@ class Pacer:
         return self._clock() - self._start
 
     def pause(self) -> None:
-        """Lets one period pass that is no part of the schedule."""
+        """Lets one period pass that is not part of the schedule."""
         before = self._clock()
         self._sleep(self._period)
         passed = self._clock() - before

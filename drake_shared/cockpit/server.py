@@ -71,7 +71,7 @@ class CockpitServer:
         fixed: Whether the program alone decides about assistance, stick and setup, for a single page.
 
     Raises:
-        InputError: ``proxy`` is no origin.
+        InputError: ``proxy`` is not an origin.
     """
 
     def __init__(

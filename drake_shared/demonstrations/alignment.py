@@ -27,7 +27,7 @@ def align(demonstrations: Demonstrations, *, pace: float | None = None) -> Demon
 
     A learner that takes differences in time for differences of route would be confident without reason. At
     the start, where every robot takes time to get going, the shortest such time is left; waiting at the end
-    is no pause.
+    is not a pause.
 
     Args:
         demonstrations: At least one. Those that need no change, as when all were driven alike, are returned

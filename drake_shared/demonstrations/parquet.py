@@ -295,7 +295,7 @@ def _read_logs(
 
 
 def _failure(path: str, table: pa.Table, description: Mapping[str, Any]) -> InputError | None:
-    """Why a trial is no demonstration; None if it is one."""
+    """Why a trial is not a demonstration; None if it is one."""
     if "contact" not in table.column_names:
         return InputError(path, "contact", "must be among the columns", ", ".join(table.column_names))
     status = description.get("status")

@@ -19,7 +19,7 @@ BUDGET = 4
 """Settings of the options tried for each arbiter, the defaults among them."""
 CONDITIONS = ("primary", "noise 1.2", "switching")
 _FACTOR, _ATTEMPTS = 2.0, 20
-# What `make_arbiter` gives: these are no options.
+# What `make_arbiter` gives: these are not options.
 _GIVEN = ("robot", "period", "initial_idle_time", "authority", "driver", "scenario")
 
 

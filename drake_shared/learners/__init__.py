@@ -6,7 +6,7 @@ what programs need; the rest of the room is
 - `base`, `modes`, `check`: the interface `Learner`, its optional parts, and tests of it
 - `registry`, `storage`, `fields`, `stored`: learners by name, their files, and base classes that write them
 - `cnmp`, `ensemble`, `mixture`, `cesn`, `promp`, `no_learner`: the learners, each with its trainer beside it
-- `consistency`: a model of demonstrated actions for arbitration, which is no learner
+- `consistency`: a model of demonstrated actions for arbitration, which is not a learner
 - `dataset`, `augmentation`, `route_clustering`: preparation of demonstrations for training
 - `calibration`, `ood_variance`: the gain K, and variance far from all demonstrations
 

@@ -126,7 +126,7 @@ def _read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, NDArr
     except ValueError:
         description = None
     if not isinstance(description, dict) or description.get("format") != FORMAT:
-        raise InputError(path, "format", f"must be {FORMAT}: this is no learner of drake_shared")
+        raise InputError(path, "format", f"must be {FORMAT}: this is not a learner of drake_shared")
     version = description.get("version")
     if not isinstance(version, int) or not 1 <= version <= VERSION:
         raise InputError(path, "version", f"must be at most {VERSION}, the newest supported", version)

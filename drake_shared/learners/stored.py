@@ -17,7 +17,7 @@ from drake_shared.learners.base import Array, Prediction, check_query
 from drake_shared.learners.fields import Content, FieldType, Number, Tensor, Tensors, Text
 from drake_shared.learners.ood_variance import OodVariance
 
-# Fields of a description that are no metadata: `save_learner` derives them.
+# Fields of a description that are not metadata: `save_learner` derives them.
 _DERIVED = ("format", "version", "learner", "duration", "architecture")
 
 

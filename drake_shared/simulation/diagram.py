@@ -58,7 +58,7 @@ def MakeSharedControlDiagram(
 
     The systems are named operator, intention_estimator, waypoint_controller, confidence_blender (arbiter, if
     it is another one), diff_drive_plant (plant, if it is given), scene_graph and log_sink, after ``prefix``;
-    ``diagram.GetSubsystemByName`` finds them. An operator of one's own replaces an input port of the diagram:
+    ``diagram.GetSubsystemByName`` finds them. A custom operator replaces an input port of the diagram:
     its command must be state, which no fixed port is.
 
     Args:

@@ -90,8 +90,8 @@ class StudyServer:
         simulated: Whether the participants are.
 
     Raises:
-        InputError: The port is in use, a participant is unknown, ``proxy`` is no origin, or the data are of
-            the other kind of participants.
+        InputError: The port is in use, a participant is unknown, ``proxy`` is not an origin, or the data
+            are of the other kind of participants.
     """
 
     def __init__(

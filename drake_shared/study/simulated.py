@@ -1,4 +1,4 @@
-"""Simulated participants: their behaviours, and their trials. What they do is no evidence about people."""
+"""Simulated participants: their behaviours, and their trials. What they do is not evidence about people."""
 
 from __future__ import annotations
 

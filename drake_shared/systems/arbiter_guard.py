@@ -1,4 +1,4 @@
-"""Watches an arbiter that is no subclass of `Arbiter`."""
+"""Watches an arbiter that is not a subclass of `Arbiter`."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from drake_shared.systems.intention import Intention, empty_intention
 from drake_shared.systems.prepared_learner import MOMENTS, PreparedLearner
 
 LEAST_DISTANCE = 0.05
-"""A command that leads less far than this, in [m] for the Pioneer P3-DX, is no observation."""
+"""A command that leads less far than this, in [m] for the Pioneer P3-DX, is not an observation."""
 REACH = 0.8
 """Time ahead at which a command is an observation, in [s]."""
 

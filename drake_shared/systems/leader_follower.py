@@ -29,9 +29,9 @@ class LeaderFollower(RuleArbiter):
 
     Inputs, outputs and parameters are those of :class:`~drake_shared.systems.arbiter.Arbiter`. The shared
     command is the leader's, scaled to the mean pace of both commands; see
-    `drake_shared.arbitration.leader_follower`, which names the source. It is no convex combination of the two
-    commands, since only the pace of the follower's counts; its pace lies between theirs, and w is the human's
-    share of it. The confidence plays no part.
+    `drake_shared.arbitration.leader_follower`, which names the source. It is not a convex combination of the
+    two commands, since only the pace of the follower's counts; its pace lies between theirs, and w is the
+    human's share of it. The confidence plays no part.
 
     Args:
         leader: "human" or "agent".

@@ -26,7 +26,7 @@ def check_ports(
         inputs, outputs: Size of each vector-valued port by name; None for an abstract-valued one.
 
     Raises:
-        InputError: It is no LeafSystem, or a port is missing or of another size.
+        InputError: It is not a LeafSystem, or a port is missing or of another size.
     """
     source = f"{role} {type(system).__name__}"
     if not isinstance(system, LeafSystem):

@@ -65,7 +65,7 @@ def test_missing_foreign_and_truncated_files_are_refused(learner, tmp_path):
             load_learner(tmp_path / "cut.safetensors")
         assert "\n" not in str(error.value)
     save_file({"weight": np.zeros(3)}, tmp_path / "other.safetensors")
-    with pytest.raises(InputError, match="this is no learner of drake_shared"):
+    with pytest.raises(InputError, match="not a learner of drake_shared"):
         load_learner(tmp_path / "other.safetensors")
 
 

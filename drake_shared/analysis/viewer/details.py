@@ -28,7 +28,7 @@ def details(entry: Entry) -> dict[str, Any]:
     """Path, curves over time, figures and scene of a trial or demonstration, as plain JSON.
 
     Raises:
-        InputError: The file has changed, or is no valid log.
+        InputError: The file has changed, or is not a valid log.
     """
     if entry.kind == "demonstration":
         items = read_demonstrations(entry.file)

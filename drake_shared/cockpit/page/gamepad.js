@@ -1,10 +1,10 @@
-// Reads one driver's gamepad among all devices that the browser lists, some of which are no gamepads.
+// Reads one driver's gamepad among all devices that the browser lists, some of which are not gamepads.
 
 const DEAD_ZONE = 0.15; // Sticks at rest are noisy and not quite centred.
 const FARTHEST_REST = 0.2; // A stick rests nearer to its centre than this; triggers and pedals do not.
 const JITTER = 0.1; // Largest change of an axis at rest.
 const REST_READS = 10; // Readings in a row that make a rest position.
-const STUCK_READS = 50; // Readings in a row away from the centre after which an axis is no stick.
+const STUCK_READS = 50; // Readings in a row away from the centre after which an axis is not a stick.
 const PAD = { up: 12, down: 13, left: 14, right: 15 }; // Buttons of the standard mapping.
 
 // One axis. It reads 0 until its rest position is known: what it shows at first may be a pedal that nobody

@@ -1,1 +1,1 @@
-"""A consistency model of demonstrated actions, which one step denoises; it is no `Learner`."""
+"""A consistency model of demonstrated actions, which one step denoises; it is not a `Learner`."""
