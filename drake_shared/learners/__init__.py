@@ -19,7 +19,7 @@ import inspect
 import time
 from typing import Any
 
-from drake_shared.common.errors import InputError
+from drake_shared.common.errors import DrakeSharedError, InputError, RunError
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners.base import (
     Learner,
@@ -86,7 +86,7 @@ def train(
     Raises:
         InputError: There is no such learner, an option or a score is invalid, or the result fails
             `check_learner`.
-        RunError: Training diverged.
+        RunError: Training diverged, or the trainer of another package failed.
     """
     # Importing torch takes seconds, which count.
     defaults = {**_DEFAULTS, "begun": time.perf_counter()}
@@ -98,13 +98,18 @@ def train(
         raise InputError("train", "members", f"must be 1 for {learner!r}: ensembles are of 'cnmp'", members)
     trainer = find_trainer(learner)
     accepted = inspect.signature(trainer).parameters
-    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in accepted.values()):
-        trained = trainer(demonstrations, **{**defaults, **options})
-    else:
+    given = {**defaults, **options}
+    if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in accepted.values()):
         unknown = set(options) - set(accepted) - set(defaults)
         if unknown:
             raise InputError("train", min(unknown), f"is not an option of the learner {learner!r}")
-        given = {name: value for name, value in {**defaults, **options}.items() if name in accepted}
+        given = {name: value for name, value in given.items() if name in accepted}
+    try:
         trained = trainer(demonstrations, **given)
-    check_learner(trained)
+    except Exception as error:
+        if isinstance(error, DrakeSharedError) or trainer.__module__.startswith("drake_shared."):
+            raise
+        # A trainer of another package may fail in any way.
+        raise RunError(f"learner {learner!r} cannot be trained ({type(error).__name__}: {error})") from error
+    check_learner(trained, source=f"learner {learner!r}")
     return trained

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from drake_shared.common.errors import InputError
+from drake_shared.common.errors import DrakeSharedError, InputError
 from drake_shared.common.files import models_directory, replacing, sha256_of
 from drake_shared.common.suggestions import suggestion
 from drake_shared.learners.base import Learner
@@ -30,29 +30,32 @@ def save_learner(learner: Learner, path: str | os.PathLike[str]) -> None:
     """Writes a learner so that `load_learner` returns it, bit for bit; the write is atomic.
 
     Raises:
-        InputError: The folder is not writable, or the learner has no method ``to_file``; see
-            `drake_shared.learners.registry`.
+        InputError: The folder is not writable, or the learner has no method ``to_file`` or one that fails;
+            see `drake_shared.learners.registry`.
     """
     to_file = getattr(learner, "to_file", None)
     if to_file is None:
         raise InputError(path, "learner", "must have a method to_file", type(learner).__name__)
-    tensors, description = to_file()
-    description = {name: value for name, value in description.items() if name not in _OF_THE_FILE}
-    description |= {
-        "duration": float(learner.duration),
-        "format": FORMAT,
-        "version": VERSION,
-        "learner": learner.name,
-        "confidence_gain": float(learner.confidence_gain),
-    }
+    try:
+        tensors, description = to_file()
+        description = {name: value for name, value in description.items() if name not in _OF_THE_FILE}
+        description |= {
+            "duration": float(learner.duration),
+            "format": FORMAT,
+            "version": VERSION,
+            "learner": learner.name,
+            "confidence_gain": float(learner.confidence_gain),
+        }
+        arrays = {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}
+        content = save(arrays, metadata={METADATA_KEY: json.dumps(description)})
+    except Exception as error:  # A learner of another package may fail in any way.
+        expected = (
+            f"must return tensors and a JSON-serializable description ({type(error).__name__}: {error})"
+        )
+        raise InputError(f"learner {learner.name!r}", "to_file", expected) from error
     with replacing(path) as temporary:
         # save_file would report a full disk in its own way.
-        temporary.write_bytes(
-            save(
-                {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()},
-                metadata={METADATA_KEY: json.dumps(description)},
-            )
-        )
+        temporary.write_bytes(content)
 
 
 def load_learner(path: str | os.PathLike[str]) -> Learner:
@@ -71,7 +74,14 @@ def load_learner(path: str | os.PathLike[str]) -> Learner:
     description, tensors = _read(path)
     kind = find_learner(str(description.get("learner")), source=path)
     origin = {"id": learner_id(path), "file": os.fspath(path)}
-    learner: Learner = kind.from_file(path, tensors, description | origin)
+    try:
+        learner: Learner = kind.from_file(path, tensors, description | origin)
+    except DrakeSharedError:
+        raise
+    except Exception as error:  # A learner of another package may fail in any way.
+        expected = f"cannot be read as {description['learner']!r} ({type(error).__name__}: {error})"
+        raise InputError(path, "", expected) from error
+    check_learner(learner, source=os.fspath(path))
     if any(learner.metadata.get(name) != value for name, value in origin.items()):
         # A learner of another package need not forward the description.
         try:
@@ -79,7 +89,6 @@ def load_learner(path: str | os.PathLike[str]) -> Learner:
         except AttributeError as error:
             expected = "must be an attribute that can be set, or contain id and file of the description"
             raise InputError(path, "metadata", expected) from error
-    check_learner(learner, source=os.fspath(path))
     return learner
 
 

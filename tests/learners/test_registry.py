@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from drake_shared.cli.main import main
-from drake_shared.common.errors import InputError
+from drake_shared.common.errors import InputError, RunError
 from drake_shared.common.files import sha256_of
 from drake_shared.demonstrations import Demonstration, Demonstrations, write_demonstrations
-from drake_shared.learners import find_learner, learner_names, load_learner, train
+from drake_shared.learners import find_learner, learner_names, load_learner, save_learner, train
 from drake_shared.scenario import load_scenario
 from drake_shared.simulation.trial import Simulation, TrialSettings
 
@@ -108,3 +108,24 @@ def test_a_trainer_beside_the_class_gets_what_it_requires_and_nothing_else(outsi
     with pytest.raises(InputError, match="wings"):
         train(Demonstrations(items=(item,)), learner="mean", wings=2)
     sys.modules.pop("mean_training")
+
+
+@pytest.mark.parametrize(
+    ("method", "error"), [("train", RunError), ("to_file", InputError), ("from_file", InputError)]
+)
+def test_an_exception_in_a_learner_from_outside_names_it(outside, monkeypatch, method, error):
+    grid, path = np.linspace(0.0, 1.0, 11), outside / "mean.safetensors"
+    item = Demonstration(times=grid, positions=np.stack([grid, grid], axis=-1))
+    demonstrations = Demonstrations(items=(item, item))
+    save_learner(train(demonstrations, learner="mean"), path)
+    monkeypatch.setattr(find_learner("mean"), method, lambda *_, **__: 1 / 0)
+    other = outside / "other.safetensors"
+
+    def use():
+        if method == "from_file":
+            return load_learner(path)
+        return save_learner(train(demonstrations, learner="mean"), other)
+
+    with pytest.raises(error, match=r"mean.*ZeroDivisionError"):
+        use()
+    assert not other.exists()
