@@ -45,10 +45,12 @@ def test_each_row_is_what_the_learner_predicts_alone(learners, kind):
     learner = learners[kind]
     assert predicts_rows(learner)
     rng = np.random.default_rng(3)
-    times = np.sort(rng.uniform(-0.1, 1.05, 12)) * learner.duration
+    times = np.array([-0.1, *np.sort(rng.uniform(0.0, 1.0, 10)), 1.05]) * learner.duration
     last = len(learner.grid) - 1
     first = np.array([2, 2, 9, last // 2, last // 2, last])
     index = rng.integers(len(times), size=(len(first), 2))
+    # Times before the start and after the end count as these.
+    index[[0, 1, 2], [0, 0, 1]] = 0, 11, 11
     steps = np.clip(np.rint(times[index] / learner.duration * last), 0, last).astype(int)
     positions = learner.demonstrations[rng.integers(2, size=len(first))[:, None], steps]
     positions = positions + rng.normal(0.0, 0.2, positions.shape)

@@ -92,8 +92,9 @@ def test_without_observations_it_predicts_the_moments_of_the_demonstrations(lear
     mean, variance = learner.predict([], np.empty((0, 2)), learner.grid)
     np.testing.assert_allclose(mean[:, 0], learner.grid, atol=1e-9)
     np.testing.assert_allclose(mean[:, 1], 0.0, atol=1e-9)
-    expected = np.sin(np.pi * learner.grid / 4.0) ** 2
-    np.testing.assert_allclose(variance[:, 1], expected, atol=learner.sigma_floor**2 + 1e-12)
+    floor = learner.sigma_floor**2
+    np.testing.assert_allclose(variance[:, 0], floor, rtol=1e-9)
+    np.testing.assert_allclose(variance[:, 1], np.sin(np.pi * learner.grid / 4.0) ** 2 + floor, rtol=1e-9)
     np.testing.assert_allclose(learner.predict([], np.empty((0, 2)), [2.0])[0], mean[20:21])
 
 
