@@ -175,6 +175,24 @@ def test_a_moving_obstacle_counts_where_it_will_be(make_query, time):
         assert filtered(query, moving={0: path}, **options) == forward
 
 
+@pytest.mark.parametrize(
+    "wheels", [(0.0, 0.0), (6.0, 5.0), (-7.0, 2.0), (FASTEST, FASTEST), (-1.0, -FASTEST)]
+)
+@pytest.mark.parametrize("speed", [0.0, 0.5])
+def test_obstacles_are_sought_as_far_as_they_and_the_braking_robot_can_come(wheels, speed):
+    asked = []
+
+    def query(x, y, distance):
+        asked.append((x, y, distance))
+        return []
+
+    filtered(query, (0.3, 0.2, 0.0), wheels, (FASTEST, FASTEST), moving=cart(speed) if speed else None)
+    fastest = min(max(map(abs, wheels)) + CHANGE, FASTEST) * ROBOT.wheel_radius
+    braking = fastest * PERIOD + fastest**2 / (2.0 * ROBOT.max_acceleration)
+    moved = speed * (PERIOD + FASTEST / ROBOT.max_wheel_acceleration)
+    assert asked == [(0.3, 0.2, pytest.approx(RADIUS + CLEARANCE + braking + moved))]
+
+
 def test_out_of_reach_of_all_obstacles_any_command_passes(make_query):
     query = make_query([(30.0 + 0.0j, 0.2)])
     assert filtered(query, (0.0, 0.0, 0.0), (0.0, 0.0), (99.0, -99.0)) == (99.0, -99.0)
