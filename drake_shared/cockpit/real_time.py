@@ -19,15 +19,12 @@ class RealTime:
     Args:
         running: The trial, at its start. Its settings must have ``end="duration"``.
         on_step: Called after every control step.
-        pacer: Paces slices of :data:`SLICE`.
     """
 
-    def __init__(
-        self, running: RunningTrial, *, on_step: Callable[[], None], pacer: Pacer | None = None
-    ) -> None:
+    def __init__(self, running: RunningTrial, *, on_step: Callable[[], None]) -> None:
         self._running = running
         self._on_step = on_step
-        self._pacer = pacer or Pacer(period=SLICE)
+        self._pacer = Pacer(period=SLICE)
         self._index = 0
         self._period = running.simulation.scenario.control_period
         self._steps = 0

@@ -52,12 +52,17 @@ class SharedControl:
     safety_filter: SafetyFilter | None = None
 
     def check_inputs(self, builder: DiagramBuilder) -> None:
-        """Checks, before ``builder`` builds, that inputs of operator, controller and arbiter are connected.
+        """Checks, before ``builder`` builds, that that the inputs of the parts are connected.
 
         Raises:
             InputError: One is open that nothing connects.
         """
-        optional = {"operator": (), "controller": (), "arbiter": Arbiter.OPTIONAL_INPUTS}
+        optional = {
+            "operator": (),
+            "controller": (),
+            "arbiter": Arbiter.OPTIONAL_INPUTS,
+            "plant": ("geometry_query",),
+        }
         for role, names in optional.items():
             system: LeafSystem = getattr(self, role)
             check_inputs(builder, system, f"{role} {type(system).__name__}", names)

@@ -289,6 +289,7 @@ class Wiring:
     ) -> LeafSystem:
         scenario, robot = self._scenario, self._robot
         if plant is not None:
+            plant_ports(plant, robot)
             return plant
         if isinstance(robot, Arm):
             kind = ArmPlant if scenario.plant == "kinematic" else DynamicArmPlant

@@ -6,6 +6,7 @@ from pydrake.systems.framework import LeafSystem
 
 from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive
+from drake_shared.simulation import MakeSharedControlDiagram
 from drake_shared.systems.diff_drive_plant import DiffDrivePlant
 from drake_shared.systems.plant import plant_ports
 
@@ -53,4 +54,20 @@ def test_a_plant_that_breaks_the_contract_is_refused(plant, field):
     with pytest.raises(InputError) as caught:
         plant_ports(plant, ROBOT)
     assert caught.value.source == "plant Plant"
+    assert caught.value.field == field
+
+
+class Sailing(Plant):
+    """Has an input that no diagram connects."""
+
+    def __init__(self):
+        super().__init__()
+        self.DeclareVectorInputPort("wind", 1)
+
+
+@pytest.mark.parametrize(("plant", "field"), [(Sailing(), "wind"), (3, "")])
+def test_a_plant_that_does_not_fit_is_refused_when_it_is_wired(scenario, plant, field):
+    with pytest.raises(InputError) as caught:
+        MakeSharedControlDiagram(scenario, plant=plant)
+    assert caught.value.source == f"plant {type(plant).__name__}"
     assert caught.value.field == field
