@@ -228,6 +228,17 @@ def test_the_metadata_says_all_that_matters_and_is_json(simulation, scenario):
     assert told["software"]["drake"].startswith("1.")
 
 
+def test_the_metadata_name_a_recording_by_its_content_where_it_is_played(simulation, scenario):
+    played = Simulation(scenario, operator=RecordedInput())
+    rows = np.array([[1.0, 2.0], [3.0, 4.0]])
+
+    def name(simulation, recording):
+        return simulation.describe(TrialSettings(recording=recording)).get("recording")
+
+    assert name(played, rows) == name(played, np.asfortranarray(rows)) != name(played, rows.T)
+    assert name(played, None) is name(simulation, rows) is None
+
+
 def test_run_trial_is_the_short_way(human_trial, scenario):
     assert_same_bits(run_trial(scenario, driver="human", route="left_right", seed=5), human_trial)
 
