@@ -80,10 +80,9 @@ class RuleArbiter(Arbiter):
         # Unrestricted updates of abstract state come before discrete updates, such as the plant's: those
         # would act on a command of the next step.
         self._memory_index = int(self.DeclareDiscreteState(self._packed(made.layout)))
-        nothing = _Shared(_Step(weight=1.0, command=(), after={}))
         self._step_cache = self.DeclareCacheEntry(
             "rule_step",
-            ValueProducer(lambda: Value(nothing), self._calc_step),
+            ValueProducer(lambda: Value[object](), self._calc_step),
             {self.all_input_ports_ticket(), self.pa_ticket(), self.xd_ticket()},
         )
         DeclareDiscreteUpdate(self, period=self.period, update=self._update)
