@@ -18,14 +18,15 @@ from scipy.spatial import cKDTree
 from scipy.stats import rankdata
 
 from drake_shared.demonstrations import ProgressClock
-from drake_shared.robots import Arm, scaled_length
+from drake_shared.robots import Arm, DiffDrive, Robot, scaled_length
 from drake_shared.scenario import Route, Scenario
 from drake_shared.simulation.trial import Trial
 
 TOGETHER = 0.15
-"""Paths run together within this distance, in [m]."""
+"""Paths run together within this distance, in [m] for the Pioneer P3-DX."""
 SEPARATE = 0.3
-"""Paths are separate beyond this distance, in [m]."""
+"""Paths are separate beyond this distance, in the same unit."""
+_CLOCK_TOLERANCE = 0.03
 _POINTS = 501
 
 
@@ -45,7 +46,13 @@ class Ambiguity:
     human_weight: NDArray[np.float64]
 
 
-def ambiguity(trial: Trial, times: NDArray[np.float64], demonstrations: NDArray[np.float64]) -> Ambiguity:
+def ambiguity(
+    trial: Trial,
+    times: NDArray[np.float64],
+    demonstrations: NDArray[np.float64],
+    *,
+    robot: Robot | None = None,
+) -> Ambiguity:
     """Finds the ambiguous and the clear steps of ``trial``.
 
     The robot's own demonstration is the one nearest to its path at equal progress.
@@ -54,9 +61,11 @@ def ambiguity(trial: Trial, times: NDArray[np.float64], demonstrations: NDArray[
         trial: A log.
         times: Grid of the demonstrations: shape (N,), in [s].
         demonstrations: Positions on that grid: shape (m, N, D), in [m]; m >= 2.
+        robot: Its size scales the distances; the Pioneer P3-DX if None.
     """
+    scale = scaled_length(robot or DiffDrive(), 1.0)
     positions = trial.positions[:-1]
-    steps = [_progress(times, item, positions) for item in demonstrations]
+    steps = [_progress(times, item, positions, tolerance=scale * _CLOCK_TOLERANCE) for item in demonstrations]
     distances = [
         np.linalg.norm(positions - item[step], axis=1).mean()
         for item, step in zip(demonstrations, steps, strict=True)
@@ -69,8 +78,8 @@ def ambiguity(trial: Trial, times: NDArray[np.float64], demonstrations: NDArray[
     apart = np.stack([cKDTree(demonstrations[index]).query(demonstrations[own])[0] for index in others])
     later = np.maximum.accumulate(apart[:, ::-1], axis=1)[:, ::-1][:, step]
     return Ambiguity(
-        ambiguous=((away < TOGETHER) & (later > SEPARATE)).any(axis=0),
-        clear=(away > SEPARATE).all(axis=0),
+        ambiguous=((away < scale * TOGETHER) & (later > scale * SEPARATE)).any(axis=0),
+        clear=(away > scale * SEPARATE).all(axis=0),
         human_weight=trial["human_weight"][:-1],
     )
 
@@ -96,9 +105,9 @@ def ambiguity_ranking(parts: Sequence[Ambiguity]) -> float:
 def undecided(trial: Trial, scenario: Scenario) -> NDArray[np.bool_]:
     """Whether the operator's route is still open at each applied step of ``trial``: shape (n,).
 
-    It is open where another route runs within 0.15 m of the robot and passes an obstacle that the operator's
-    own route has not passed on the other side; for an arm, where a route to another goal runs within 5 cm of
-    the tip. Every step is one or the other.
+    It is open where another route runs within 0.15 m of the robot, scaled with its size, and passes an
+    obstacle that the operator's own route has not passed on the other side; for an arm, where a route to
+    another goal runs within 5 cm of the tip. Every step is one or the other.
 
     Args:
         trial: A log with the route of the operator.
@@ -113,7 +122,8 @@ def undecided(trial: Trial, scenario: Scenario) -> NDArray[np.bool_]:
     reached = np.maximum.accumulate(cKDTree(path).query(positions)[1])
     open_ = np.zeros(len(positions), dtype=bool)
     for route in scenario.routes:
-        near = cKDTree(scenario.points_of(route, _POINTS)).query(positions)[0] < TOGETHER
+        distance = cKDTree(scenario.points_of(route, _POINTS)).query(positions)[0]
+        near = distance < scaled_length(scenario.robot, TOGETHER)
         for item in scenario.static_obstacles:
             if route.sides.get(item.name) != own.sides.get(item.name):
                 ahead = reached < cKDTree(path).query([item.x, item.y])[1]
@@ -149,10 +159,14 @@ def _weights(parts: Sequence[Ambiguity]) -> tuple[NDArray[np.float64], NDArray[n
 
 
 def _progress(
-    times: NDArray[np.float64], demonstration: NDArray[np.float64], positions: NDArray[np.float64]
+    times: NDArray[np.float64],
+    demonstration: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    *,
+    tolerance: float,
 ) -> NDArray[np.intp]:
     """Index on the grid of the progress along a demonstration at each position: shape (n,)."""
-    clock = ProgressClock(times, demonstration[None])
+    clock = ProgressClock(times, demonstration[None], tolerance=tolerance)
     reached, steps = 0.0, []
     for position in positions:
         reached = clock.advance(reached, *position)

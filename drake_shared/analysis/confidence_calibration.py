@@ -82,7 +82,8 @@ def assess_confidence(
     """Compares the path that the agent predicted at each step of ``trial`` with the one that was meant.
 
     The prediction is the one in use, to which the logged confidence belongs; see `predictions`. It is correct
-    if its root mean squared distance to the intended path, at any time, is less than 0.15 m.
+    if its root mean squared distance to the intended path, at any time, is less than 0.15 m for the Pioneer
+    P3-DX; that scales with the robot.
 
     Args:
         learner: The learner that took part.
@@ -91,8 +92,7 @@ def assess_confidence(
         every: Distance between the assessed steps.
     """
     path = cKDTree(intended)
-    # Three coordinates are those of an arm's tip, which is smaller than a robot on a floor.
-    same = _SAME_ROUTE if intended.shape[1] == 2 else scaled_length(Arm(), _SAME_ROUTE)
+    same = scaled_length(scenario_from_dict(trial.metadata["scenario"]).robot, _SAME_ROUTE)
     correct = []
     for intention, _ in itertools.islice(predictions(learner, trial), 0, None, every):
         predicted = intention.mean[intention.first :]

@@ -139,7 +139,7 @@ class Evaluate(LearnerOptions):
             times.append(trial["t"][:-1])
             open_steps.append(undecided(trial, scenario))
             if route in taught and learner.demonstrations is not None and len(learner.demonstrations) > 1:
-                found = ambiguity(trial, learner.grid, learner.demonstrations)
+                found = ambiguity(trial, learner.grid, learner.demonstrations, robot=scenario.robot)
                 ambiguities.append(found)
                 clocks.append(dataclasses.replace(found, human_weight=-trial["t"][:-1]))
         judged: dict[str, Any] = confidence_calibration(parts[True]) if parts[True] else {}

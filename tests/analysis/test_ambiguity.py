@@ -60,6 +60,15 @@ def test_the_same_path_at_another_speed_does_not_separate():
     assert not ambiguity(driven(STRAIGHT), TIMES, np.stack([STRAIGHT, slow])).ambiguous.any()
 
 
+def test_the_distances_scale_with_the_robot():
+    paths = np.stack([STRAIGHT, FORK])
+    plain = ambiguity(driven(FORK), TIMES, paths)
+    small = ambiguity(driven(0.1 * FORK), TIMES, 0.1 * paths, robot=DiffDrive(footprint_radius=0.0267))
+    assert plain.ambiguous.any()
+    np.testing.assert_array_equal(small.ambiguous, plain.ambiguous)
+    np.testing.assert_array_equal(small.clear, plain.clear)
+
+
 def test_the_own_demonstration_is_the_nearest_one():
     wide = STRAIGHT + np.array([0.0, 1.0])
     near_wide = wide + np.array([0.0, 0.1])
