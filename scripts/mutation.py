@@ -3,9 +3,10 @@
     scripts/mutate drake_shared/arbitration --tests tests/arbitration tests/systems/test_confidence_blender.py
 
 Each mutant changes one place of a module. It is killed if a test fails or takes much too long, and survives
-otherwise. Of the given test files only those run that are named after the changed module or its folder or,
-without such, those that import the module, directly or by another one.
-Results are appended to a file of JSON lines, so that a run that was stopped continues.
+otherwise. Every given test file runs once without a mutation, to find out which functions it calls. Of a
+mutant those files run, quick ones first, that call the changed function or, if the place is outside of
+functions, any function of its module. Results are appended to a file of JSON lines, so that a run that was
+stopped continues.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import ast
 import concurrent.futures
+import contextlib
 import difflib
 import functools
 import hashlib
@@ -29,9 +31,11 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import CodeType, FrameType
 from typing import NamedTuple
 
 from cosmic_ray.ast import ast_nodes, get_ast
@@ -42,7 +46,15 @@ from parso.tree import NodeOrLeaf
 
 ROOT = Path(__file__).resolve().parents[1]
 # Loaded once, in a process that forks one process for each mutant.
-_LIBRARIES = ("__main__", "pydrake.all", "torch", "pytest", "hypothesis", "scipy.optimize", "pyarrow.parquet")
+_LIBRARIES = (
+    "__main__",
+    "pydrake.all",
+    "torch._dynamo",
+    "pytest",
+    "hypothesis",
+    "scipy.optimize",
+    "pyarrow.parquet",
+)
 # One replacement for each operator; all pairs would be ten times as many, and as easily killed.
 _PAIRS = {
     "BinaryOperator": "Add_Sub Sub_Add Mul_Div Div_Mul Pow_Mul FloorDiv_Mul Mod_Mul",
@@ -168,10 +180,22 @@ def copy_checkout(folder: Path) -> Path:
     return folder
 
 
-def run_tests(folder: Path, tests: Sequence[str], timeout: float) -> str:
-    """Runs the tests in a copy: "survived", "killed" or "timeout"."""
+class Calls(NamedTuple):
+    """What a test file calls.
+
+    Attributes:
+        seconds: It takes, with the calls recorded.
+        functions: Modules and qualified names.
+    """
+
+    seconds: float
+    functions: frozenset[tuple[str, str]]
+
+
+def run_tests(folder: Path, tests: Sequence[str], timeout: float | None, calls: Path | None = None) -> str:
+    """Runs the tests in a copy: "survived", "killed" or "timeout"; writes the functions called to a file."""
     context = multiprocessing.get_context("forkserver")
-    process = context.Process(target=_pytest, args=(folder, tests))
+    process = context.Process(target=_pytest, args=(folder, tests, calls))
     process.start()
     process.join(timeout)
     outcome = "timeout" if process.exitcode is None else "survived" if process.exitcode == 0 else "killed"
@@ -183,7 +207,7 @@ def run_tests(folder: Path, tests: Sequence[str], timeout: float) -> str:
     return outcome
 
 
-def _pytest(folder: Path, tests: Sequence[str]) -> None:
+def _pytest(folder: Path, tests: Sequence[str], calls: Path | None) -> None:
     """Runs pytest in this process, which becomes the leader of a process group."""
     os.setpgid(0, 0)
     os.chdir(folder)
@@ -195,35 +219,66 @@ def _pytest(folder: Path, tests: Sequence[str]) -> None:
     import pytest
 
     quiet = ["-q", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
-    os._exit(pytest.main(["-x", *quiet, *tests]))
+    codes: set[CodeType] = set()
+    if calls is not None:
+
+        def record(frame: FrameType, event: str, _argument: object) -> None:
+            if event == "call":
+                codes.add(frame.f_code)
+
+        threading.setprofile(record)
+        sys.setprofile(record)
+    status = pytest.main(["-x", *quiet, *tests])
+    sys.setprofile(None)
+    if calls is not None:
+        called = {
+            (code.co_filename.removeprefix(f"{folder}/"), code.co_qualname)
+            for code in codes
+            if code.co_filename.startswith(f"{folder}/drake_shared/")
+        }
+        calls.write_text(json.dumps(sorted(called)), encoding="utf-8")
+    os._exit(status)
 
 
-def tests_of(module: str, tests: list[str]) -> list[str]:
-    """The test files named after the module or its folder; else those that import it, or what imports it."""
-    files = [
-        file.relative_to(ROOT)
-        for path in map(Path, tests)
-        for file in (sorted((ROOT / path).rglob("test_*.py")) if path.is_dir() else [ROOT / path])
-    ]
-    *_, folder, name = Path(module).parts
-    named = (f"{folder}/test_{name}", f"/test_{folder}.py")
-    if own := [str(file) for file in files if str(file).endswith(named)]:
-        return own
-    modules = {str(file.relative_to(ROOT)) for file in (ROOT / "drake_shared").rglob("*.py")}
-    sought = {module}
-    while not (found := [str(file) for file in files if _imports(str(file), sought)]):
-        more = {other for other in modules if _imports(other, sought)}
-        if more <= sought:
-            return [str(file) for file in files]
-        sought |= more
+def tests_of(mutant: Mutant, calls: Mapping[str, Calls]) -> list[str]:
+    """The test files that call the changed function, else any function of the module; quick ones first."""
+    line = int(re.match(r"@@ -(\d+)", mutant.difference)[1])  # type: ignore[index]
+    function = function_at((ROOT / mutant.module).read_text(encoding="utf-8"), line)
+    found = [file for file, called in calls.items() if (mutant.module, function) in called.functions]
+    if not found:
+        found = [
+            file for file, called in calls.items() if mutant.module in {name for name, _ in called.functions}
+        ]
+    return sorted(found or calls, key=lambda file: calls[file].seconds)
+
+
+def function_at(source: str, line: int) -> str | None:
+    """The qualified name of the innermost function whose body has the line."""
+    found = None
+
+    def visit(parent: ast.AST, prefix: str) -> None:
+        nonlocal found
+        for node in ast.iter_child_nodes(parent):
+            inner = prefix
+            if isinstance(node, ast.FunctionDef):
+                if node.body[0].lineno <= line <= (node.end_lineno or 0):
+                    found = prefix + node.name
+                inner = f"{prefix}{node.name}.<locals>."
+            elif isinstance(node, ast.ClassDef):
+                inner = f"{prefix}{node.name}."
+            visit(node, inner)
+
+    visit(ast.parse(source), "")
     return found
 
 
-def _imports(file: str, modules: set[str]) -> bool:
-    """Whether a file names one of the modules."""
-    text = (ROOT / file).read_text(encoding="utf-8")
-    names = (module.removesuffix(".py").removesuffix("/__init__").replace("/", ".") for module in modules)
-    return any(re.search(rf"\b{re.escape(name)} import", text) for name in names)
+def test_files(tests: Sequence[str]) -> list[str]:
+    """The given test files, and those in the given folders."""
+    return [
+        str(file.relative_to(ROOT))
+        for path in map(Path, tests)
+        for file in (sorted((ROOT / path).rglob("test_*.py")) if path.is_dir() else [ROOT / path])
+    ]
 
 
 def wilson_interval(killed: int, total: int) -> tuple[float, float]:
@@ -257,31 +312,38 @@ class Judge:
     """
 
     def __init__(self, folder: Path, tests: list[str], jobs: int) -> None:
-        self._tests = tests
         self._copies: queue.Queue[Path] = queue.Queue()
         for job in range(jobs):
             self._copies.put(copy_checkout(folder / str(job)))
-        self._patience: dict[tuple[Path, tuple[str, ...]], float] = {}
+        files = test_files(tests)
+        with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+            self._calls = dict(zip(files, pool.map(self._record, files), strict=True))
+
+    def _record(self, file: str) -> Calls:
+        """Runs a test file without a mutation."""
+        with self._copy() as copy:
+            begun, path = time.monotonic(), copy / "calls.json"
+            if run_tests(copy, [file], 3600.0, path) != "survived":
+                sys.exit(f"without a mutation a test of {file} fails")
+            called = json.loads(path.read_text(encoding="utf-8"))
+            return Calls(time.monotonic() - begun, frozenset((module, name) for module, name in called))
 
     def __call__(self, mutant: Mutant) -> str:
         """Returns "survived", "killed" or "timeout"."""
+        tests = tests_of(mutant, self._calls)
+        with self._copy() as copy:
+            (copy / mutant.module).write_text(mutant.code, encoding="utf-8")
+            outcome = run_tests(copy, tests, 4.0 * sum(self._calls[file].seconds for file in tests) + 20.0)
+            shutil.copy2(ROOT / mutant.module, copy / mutant.module)
+        return outcome
+
+    @contextlib.contextmanager
+    def _copy(self) -> Iterator[Path]:
         copy = self._copies.get()
         try:
-            return self._judge(copy, mutant)
+            yield copy
         finally:
             self._copies.put(copy)
-
-    def _judge(self, copy: Path, mutant: Mutant) -> str:
-        tests = tuple(tests_of(mutant.module, self._tests))
-        if (copy, tests) not in self._patience:
-            start = time.monotonic()
-            if run_tests(copy, tests, 3600.0) != "survived":
-                sys.exit(f"without a mutation a test fails of {' '.join(tests)}")
-            self._patience[copy, tests] = 4.0 * (time.monotonic() - start) + 20.0
-        (copy / mutant.module).write_text(mutant.code, encoding="utf-8")
-        outcome = run_tests(copy, tests, self._patience[copy, tests])
-        shutil.copy2(ROOT / mutant.module, copy / mutant.module)
-        return outcome
 
 
 def report(results: list[dict[str, str]], total: int) -> None:
