@@ -38,28 +38,17 @@ if TYPE_CHECKING:
     )
 
 # A name is imported when it is first used (PEP 562): the command line reads configs without loading Drake.
-_MODULES = {
-    "AddSharedControl": "diagram",
-    "Faults": "faults",
-    "MakeSharedControlDiagram": "diagram",
-    "RunningTrial": "trial",
-    "SharedControl": "shared_control",
-    "SharedControlConfig": "config",
-    "Simulation": "trial",
-    "Trial": "log",
-    "TrialSettings": "settings",
-    "config_for": "config",
-    "config_of_log": "config",
-    "load_config": "config",
-    "log_columns": "log",
-    "read_log": "log",
-    "read_logs": "log",
-    "run_trial": "trial",
-    "settings_of_log": "settings",
-    "teach": "teaching",
-    "write_log": "log",
-    "write_logs": "log",
+_NAMES = {
+    "config": "SharedControlConfig config_for config_of_log load_config",
+    "diagram": "AddSharedControl MakeSharedControlDiagram",
+    "faults": "Faults",
+    "log": "Trial log_columns read_log read_logs write_log write_logs",
+    "settings": "TrialSettings settings_of_log",
+    "shared_control": "SharedControl",
+    "teaching": "teach",
+    "trial": "RunningTrial Simulation run_trial",
 }
+_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = sorted(_MODULES)  # pyright: ignore[reportUnsupportedDunderAll]
 
