@@ -10,9 +10,8 @@ from typing import Any
 
 from drake_shared.common.console import say
 from drake_shared.common.errors import InputError
-from drake_shared.common.files import models_directory
 from drake_shared.learners import Learner, load_learner
-from drake_shared.learners.storage import learner_id
+from drake_shared.learners.storage import learner_id, shipped_learners
 from drake_shared.scenario import Scenario
 
 
@@ -49,8 +48,7 @@ def choose_model(scenario: Scenario, model: Path | None, preset: str) -> Path:
 
 def shipped_model(scenario: str, preset: str) -> Path | None:
     """The file of the learner that ships for a scenario and preset; None if there is none."""
-    shipped = models_directory() / "learners" / f"{scenario}_{preset}.safetensors"
-    return shipped if shipped.is_file() else None
+    return shipped_learners().get(f"{scenario}_{preset}")
 
 
 def open_learner(scenario: Scenario, model: Path | None, preset: str) -> tuple[Learner, Path]:
@@ -82,7 +80,7 @@ def learner_of_log(metadata: Mapping[str, Any], model: Path | None) -> Learner |
     identity, named = metadata.get("learner_id"), metadata.get("learner_file")
     if identity is None:
         return None
-    for file in sorted((models_directory() / "learners").glob("*.safetensors")):
+    for file in shipped_learners().values():
         if learner_id(file) == identity:
             return load_learner(file)
     if named is None or not Path(named).is_file():

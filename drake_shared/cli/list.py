@@ -59,13 +59,13 @@ def _learners() -> dict[str, str]:
 
 
 def _models() -> dict[str, str]:
-    from drake_shared.common.files import models_directory
-    from drake_shared.learners.storage import read_description
+    from drake_shared.learners.storage import read_description, shipped_learners
 
     found = {}
-    for file in sorted((models_directory() / "learners").glob("*.safetensors")):
-        told = read_description(file)
-        found[file.stem] = f"{told.get('learner')} of preset {told.get('preset')} for {told.get('scenario')}"
+    for name, file in shipped_learners().items():
+        described = read_description(file)
+        kind, preset, scenario = (described.get(key) for key in ("learner", "preset", "scenario"))
+        found[name] = f"{kind} of preset {preset} for {scenario}"
     return found
 
 

@@ -11,10 +11,11 @@ from drake_shared.arbitration.authority import Authority
 from drake_shared.arbitration.feedback import Feedback
 from drake_shared.cockpit.messages import Setup
 from drake_shared.common.errors import InputError
-from drake_shared.common.files import created_once, models_directory, numbered
+from drake_shared.common.files import created_once, numbered
 from drake_shared.demonstrations import Demonstrations
 from drake_shared.learners import Learner, load_learner, save_learner, train
-from drake_shared.scenario import Scenario, clearance_scorer, load_scenario
+from drake_shared.learners.storage import shipped_learners
+from drake_shared.scenario import Scenario, clearance_scorer, load_scenario, shipped_scenarios
 from drake_shared.simulation.config import SharedControlConfig, blend_for, config_for
 from drake_shared.simulation.teaching import demonstration_of
 from drake_shared.simulation.trial import Trial
@@ -58,12 +59,8 @@ class TrialChoices:
         """Why the last choice was refused."""
         self._own = scenario
         self._policy = route
-        self._scenarios = {
-            path.stem: path for path in sorted((models_directory() / "scenarios").glob("*.yaml"))
-        }
-        self._learners: dict[str, Learner | Path] = {
-            path.stem: path for path in sorted((models_directory() / "learners").glob("*.safetensors"))
-        }
+        self._scenarios = shipped_scenarios()
+        self._learners: dict[str, Learner | Path] = {**shipped_learners()}
         self._learner_name = None if learner is None else self._add_learner(learner)
         self.route: str | None = None
         if route not in (FREE, ASK):

@@ -92,6 +92,11 @@ def load_learner(path: str | os.PathLike[str]) -> Learner:
     return learner
 
 
+def shipped_learners() -> dict[str, Path]:
+    """The files in models/learners by the names under which `load_learner` finds them."""
+    return {file.stem: file for file in sorted((models_directory() / "learners").glob("*.safetensors"))}
+
+
 def find_file(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
     """The file of a learner that is given by its path or, if shipped, by its name; see `load_learner`.
 
@@ -100,7 +105,7 @@ def find_file(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
     """
     if os.path.isfile(path):
         return path
-    shipped = {file.stem: file for file in sorted((models_directory() / "learners").glob("*.safetensors"))}
+    shipped = shipped_learners()
     name = os.fspath(path)
     if name in shipped or f"{name}_default" in shipped:
         return shipped.get(name) or shipped[f"{name}_default"]

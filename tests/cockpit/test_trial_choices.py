@@ -90,7 +90,7 @@ def test_a_scenario_edited_while_the_program_runs_counts_when_it_is_chosen_next(
     tmp_path, monkeypatch, choices
 ):
     shutil.copytree(models_directory() / "scenarios", tmp_path / "scenarios")
-    monkeypatch.setattr("drake_shared.cockpit.trial_choices.models_directory", lambda: tmp_path)
+    monkeypatch.setattr("drake_shared.scenario.files.models_directory", lambda: tmp_path)
     running = choices.scenario
     edited = TrialChoices(running, None)
     for name, old, new in (("two_obstacles", "radius: 0.25", "raduis: 0.25"), ("doorway", "x: ", "x: far")):
