@@ -47,8 +47,8 @@ class OodVariance:
         self._on_grid = {time: self._points_at(time) for time in grid.tolist()}
 
     def __call__(self, times: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
-        """The variance to add, in [m^2], for observations at ``times`` (n,) and ``positions`` (n, D)."""
-        return self.prefixes(times, positions)[-1] if len(times) else 0.0
+        """The variance to add, in [m^2], for n >= 1 observations at ``times`` (n,) and ``positions`` (n, D)."""
+        return self.prefixes(times, positions)[-1]
 
     def prefixes(self, times: NDArray[np.float64], positions: NDArray[np.float64]) -> list[float]:
         """The variance to add, in [m^2], after the first observation, the first two, and so on to all n."""
