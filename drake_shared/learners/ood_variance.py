@@ -47,7 +47,7 @@ class OodVariance:
         self._on_grid = {time: self._points_at(time) for time in grid.tolist()}
 
     def __call__(self, times: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
-        """The variance to add, in [m^2], for n >= 1 observations at ``times`` (n,) and ``positions`` (n, D)."""
+        """The variance to add, in [m^2], for n >= 1 observations: ``times`` (n,) and ``positions`` (n, D)."""
         return self.prefixes(times, positions)[-1]
 
     def prefixes(self, times: NDArray[np.float64], positions: NDArray[np.float64]) -> list[float]:

@@ -143,15 +143,16 @@ class Optimization:
             running += (nll - running) / min(float(done), memory)
             recent += nll.mean()
             noted = iteration % every == 0 or done >= schedule.total
+            due = noted or done % MAX_UNREAD == 0
             asked = may_give_up and iteration == planned // 4
-            if noted or asked or done % MAX_UNREAD == 0 or done in checkpoints or schedule.is_check(done):
+            if due or asked or done in checkpoints or schedule.is_check(done):
                 losses = self._read(running, done, noted)
                 if on_checkpoint is not None and done in checkpoints:
                     for index, loss in losses.items():
                         on_checkpoint(index, done, loss)
                 if progress is not None and noted:
                     progress(done, schedule.total, float(running.mean()))
-                if p.loss_threshold is not None and done > memory and fallen == 1.0:
+                if p.loss_threshold is not None and due and done > memory and fallen == 1.0:
                     self._stop_below(p.loss_threshold, losses, done)
                     if len(self._stopped) == len(self._tasks):
                         break

@@ -80,6 +80,30 @@ def test_the_paper_trained_to_its_threshold_passes_through_what_it_is_shown(cond
         assert at(conditioned, 0.0, [0.0, 0.0], 2.0)[1][1] > 3.0 * sigma[1]
 
 
+def test_training_ends_within_ten_iterations_of_its_threshold_whatever_the_checkpoints(two_ways):
+    small = {"encoder": (64, 64), "decoder": (64,), "cycle": None, "iterations": 3_000, "first_floor": 0.0}
+    parameters = dataclasses.replace(PRESETS["paper"], loss_threshold=1.52, **small)
+    losses = {}
+
+    def trained(checkpoints):
+        (learner,) = train_together(
+            [two_ways],
+            [0],
+            parameters=parameters,
+            checkpoints=checkpoints,
+            on_checkpoint=lambda _, step, loss, __: losses.update({step: loss}),
+        )
+        return learner
+
+    plain = trained(())
+    end = plain.metadata["training"]["iterations"]
+    again = trained(range(end - 10, end))
+    assert again.metadata["training"]["iterations"] == end
+    assert losses[end - 10] > 1.52 >= plain.metadata["training"]["loss"][-1][1]
+    query = ([1.0], [[1.0, 0.5]], [2.0, 3.0])
+    np.testing.assert_array_equal(again.predict(*query), plain.predict(*query))
+
+
 def test_at_some_distance_from_all_demonstrations_the_confidence_is_one_twentieth(learner, paper_learner):
     noise = PRESETS["default"].noise * learner.scale
     far = (PRESETS["default"].doubt_from + PRESETS["default"].doubt_within) * noise
