@@ -73,7 +73,3 @@ def empty_intention(size: int) -> Intention:
         variance=np.full((1, size), math.inf),
         first=0,
     )
-
-
-EMPTY_INTENTION = empty_intention(2)
-"""Of a robot in the plane; the model value of abstract ports."""

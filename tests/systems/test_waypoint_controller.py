@@ -9,7 +9,7 @@ from pydrake.common.value import Value
 from drake_shared.common.errors import InputError
 from drake_shared.robots import DiffDrive
 from drake_shared.robots.motion import motion
-from drake_shared.systems.intention import EMPTY_INTENTION, Intention
+from drake_shared.systems.intention import Intention, empty_intention
 from drake_shared.systems.waypoint_controller import WaypointController
 
 ROBOT = DiffDrive()
@@ -91,7 +91,8 @@ def test_at_the_waypoint_it_stands_still():
 
 
 @pytest.mark.parametrize(
-    "intention", [EMPTY_INTENTION, going_to(math.nan, 0.0), going_to(0.0, math.nan), going_to(math.inf, 0.0)]
+    "intention",
+    [empty_intention(2), going_to(math.nan, 0.0), going_to(0.0, math.nan), going_to(math.inf, 0.0)],
 )
 def test_an_intention_of_nan_gives_a_command_of_nan(intention):
     assert all(map(math.isnan, command([0, 0, 0], intention)))
