@@ -147,7 +147,7 @@ def run_batch(
         store = _open_store(batch, batch.out, resume=resume, force=force)
     elif resume or force:
         option = "resume" if resume else "force"
-        raise InputError("simulate", option, "must be left out where no logs are kept (--out)")
+        raise InputError("simulate", option, "requires a folder for the logs (--out)")
     # All logs are checked before any trial is run.
     kept = {} if store is None else store.rows()
     missing = [index for index in range(batch.count) if index not in kept]

@@ -77,14 +77,14 @@ def check_variation(drives: Sequence[DriveLikelihood], names: Sequence[str]) -> 
     commands = np.concatenate([drive.commands[drive.informative] for drive in drives])
     if commands.std(axis=0).max() < _LEAST_VARIATION:
         expected = (
-            "must hold human commands that vary: constant ones tell neither skill nor delay; add drives with "
+            "must hold human commands that vary: constant ones show neither skill nor delay; add drives with "
             "turns"
         )
         raise InputError(all_of(names), "", expected)
     if max(drive.largest_correction for drive in drives) < _LEAST_VARIATION:
         expected = (
-            "cannot be told from these drives: the robot never left its straight route, so that there was no "
-            "error to correct; add drives with turns"
+            "cannot be estimated from these drives: the robot never left its straight route, so that there "
+            "was no error to correct; add drives with turns"
         )
         raise InputError(all_of(names), "skill", expected)
 

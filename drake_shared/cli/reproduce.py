@@ -31,7 +31,7 @@ class Reproduce(TaskCommand):
         from drake_shared.experiments.section import FULL, QUICK
 
         if self.cluster is not None and self.workers is not None:
-            raise InputError("reproduce", "workers", "must be left out with --cluster, which has its own")
+            raise InputError("reproduce", "workers", "cannot be combined with --cluster, which has its own")
         sections = reproduce(
             self.out,
             size=QUICK if self.quick else FULL,

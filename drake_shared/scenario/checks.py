@@ -33,7 +33,7 @@ def check_scenario(scenario: Scenario, *, source: str | os.PathLike[str] = "scen
     """
     _check_finite(scenario, "", source)
     if scenario.goals and scenario.goal != scenario.goals[0]:
-        raise InputError(source, "goal", "must be left out where goals are given", scenario.goal)
+        raise InputError(source, "goal", "cannot be combined with goals", scenario.goal)
     _check_sizes(scenario, source)
     if isinstance(scenario.robot, Arm):
         for item in scenario.obstacles:

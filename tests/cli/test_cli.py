@@ -211,7 +211,7 @@ ALONE = ("simulate", "--driver", "human")
         (("reproduce", "--out", "{folder}/x", "--workers", "0"), "workers must be at least 1, got 0"),
         (("reproduce", "--out", "{folder}/x", "--workers", "-1"), "workers must be at least 1, got -1"),
         (("reproduce", "--out", "{folder}/x", "--cluster", "me"), "--cluster must be the"),
-        (("reproduce", "--out", "{folder}/x", "--cluster", "tcp://me:1", "--workers", "1"), "left out with"),
+        (("reproduce", "--out", "{folder}/x", "--cluster", "tcp://me:1", "--workers", "1"), "combined with"),
         (("reproduce", "--out", "{text}"), "{text} must be a folder to write to"),
         (("drive", "--scenario", "none"), "none must be a scenario file"),
         (("drive", "--model", "none"), "none must be a file"),
