@@ -224,7 +224,21 @@ class PathRepair:
 
     def _ends(self, aside: Floats, whole: Floats, shifts: list[Floats]) -> NDArray[np.int64]:
         """Index (n,) of the last point of each path before it meets an obstacle or leaves the workspace."""
-        count = aside.shape[1]
+        ends = np.full(len(aside), aside.shape[1] - 1)
+        risky, longest = self._is_outside(aside).any(axis=1), _longest_step(aside)
+        for item, shift in zip(self._obstacles, shifts, strict=True):
+            relative, step = (aside - shift, _longest_step(aside - shift)) if item.path else (aside, longest)
+            distance = obstacle_distance(item, relative)
+            # A place between two points is nearer than both by at most half the length between them.
+            risky |= distance.min(axis=1) - 0.5 * step < self._least_distance(distance[:, 0])
+        rows = np.flatnonzero(risky)
+        if len(rows):
+            own = [shift[rows] if len(shift) > 1 else shift for shift in shifts]
+            ends[rows] = self._checked_ends(aside[rows], whole[rows], own)
+        return ends
+
+    def _checked_ends(self, aside: Floats, whole: Floats, shifts: list[Floats]) -> NDArray[np.int64]:
+        """The same, checked between the points too."""
 
         def refined(values: Floats) -> Floats:
             steps = values[:, 1:] - values[:, :-1]
@@ -235,14 +249,23 @@ class PathRepair:
         blocked = np.zeros(points.shape[:2], bool)
         for item, shift in zip(self._obstacles, shifts, strict=True):
             distance = obstacle_distance(item, points - (refined(shift) if item.path else shift))
-            least = np.minimum(self._radius + 0.5 * self._least, distance[:, :1] - 1e-9)
-            blocked |= distance < least
+            blocked |= distance < self._least_distance(distance[:, :1])
         outside = self._is_outside(points)
         if outside.any():
             blocked |= outside & (np.abs(points - refined(whole)).max(axis=2) > 1e-9)
         first = np.where(blocked.any(axis=1), blocked.argmax(axis=1), points.shape[1])
-        ends: NDArray[np.int64] = np.minimum(np.maximum(first - 1, 0) // _CHECKED, count - 1)
+        ends: NDArray[np.int64] = np.minimum(np.maximum(first - 1, 0) // _CHECKED, aside.shape[1] - 1)
         return ends
+
+    def _least_distance(self, at_robot: Floats) -> Floats:
+        """That the middle of the robot must keep from an obstacle, from where it is now, in [m]."""
+        return np.minimum(self._radius + 0.5 * self._least, at_robot - 1e-9)
+
+
+def _longest_step(paths: Floats) -> Floats:
+    """Length (n,) of the longest step of paths (n, m, 2), in [m]."""
+    longest: Floats = np.diff(arc_lengths(paths)).max(axis=1)
+    return longest
 
 
 def make_path_repair(scenario: Scenario, robot: Robot, *, look_ahead: float) -> PathRepair | None:

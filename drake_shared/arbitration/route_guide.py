@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +22,8 @@ _WINDOW, _SAMPLES = 25, 12
 # A line that comes this near to an obstacle is blocked, and the cells of the map of those places, both in
 # radii of the robot.
 _NEAR, _CELL = 0.5, 0.1
+# In a workspace with more cells than these they are larger, so that the map stays small.
+_MOST_CELLS = 1_000_000
 
 
 class RouteGuide:
@@ -46,13 +50,19 @@ class RouteGuide:
         self._pace = (POINTS - 1) / scenario.travel_time
         self._speed = float(routes.lengths.mean()) / scenario.travel_time
         space, radius = scenario.workspace, robot.footprint_radius
+        area = (space.x_max - space.x_min) * (space.y_max - space.y_min)
         self._cell, self._corner = _CELL * radius, space.x_min + 1j * space.y_min
+        near = _NEAR * radius
+        if area > _MOST_CELLS * self._cell**2:
+            self._cell = math.sqrt(area / _MOST_CELLS)
+            # No place in a cell may be nearer to an obstacle than its corners show.
+            near = max(near, self._cell)
         axes = [
             np.arange(low, high + self._cell, self._cell)
             for low, high in ((space.x_min, space.x_max), (space.y_min, space.y_max))
         ]
         places = np.meshgrid(*axes, indexing="ij")
-        self._is_near = PlanarDistance(scenario.static_obstacles).least(*places) < _NEAR * radius
+        self._is_near = PlanarDistance(scenario.static_obstacles).least(*places) < near
         self._most = np.array(self._is_near.shape) - 1.0
 
     def initial_progress(self, count: int) -> Integers:

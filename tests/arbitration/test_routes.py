@@ -9,7 +9,7 @@ from drake_shared.arbitration.route_guide import RouteGuide
 from drake_shared.arbitration.route_pursuit import RoutePursuit
 from drake_shared.arbitration.routes import POINTS, Routes, routes_of
 from drake_shared.common.errors import InputError
-from drake_shared.scenario import Circle, Goal, load_scenario
+from drake_shared.scenario import Circle, Goal, Workspace, load_scenario
 from drake_shared.scenario.route_planner import plan_routes
 
 SCENARIO = dataclasses.replace(load_scenario("two_obstacles"), obstacles=[], goal=Goal(x=5.0, y=1.0))
@@ -61,10 +61,13 @@ def test_progress_on_a_route_is_the_nearest_point_and_never_goes_back():
     np.testing.assert_array_equal(at_end, [[POINTS - 1], [POINTS - 1]])
 
 
-def is_blocked(pillar_y: float, x: float, y: float) -> list[bool]:
+def is_blocked(
+    pillar_y: float, x: float, y: float, *, workspace: Workspace = SCENARIO.workspace
+) -> list[bool]:
     """Of both routes and the goal, from a place beside a pillar at x = 3 m."""
     pillar = Circle(name="pillar", x=3.0, y=pillar_y, radius=0.2)
-    guide = RouteGuide(ROUTES, dataclasses.replace(SCENARIO, obstacles=[pillar]), ROBOT)
+    scenario = dataclasses.replace(SCENARIO, obstacles=[pillar], workspace=workspace)
+    guide = RouteGuide(ROUTES, scenario, ROBOT)
     pose = np.array([[x], [y], [0.0]])
     *_, target = guide.commands(np.array([[80], [0]]), pose, np.array([10 * AHEAD]))
     return guide.is_blocked(pose, target[0])[:, 0].tolist()
@@ -77,6 +80,12 @@ def test_a_line_that_leads_through_an_obstacle_is_blocked():
     radius = ROBOT.footprint_radius
     assert is_blocked(1.0 - 0.2 - 0.4 * radius, 2.0, 1.0)[2]
     assert not is_blocked(1.0 - 0.2 - 0.7 * radius, 2.0, 1.0)[2]
+
+
+def test_a_workspace_of_kilometres_is_searched_in_larger_cells():
+    large = Workspace(x_min=-1e4, x_max=1e4, y_min=-100.0, y_max=100.0)
+    assert is_blocked(0.5, 1.0, 0.0, workspace=large)[2]
+    assert not is_blocked(50.0, 1.0, 0.0, workspace=large)[2]
 
 
 def test_a_position_is_projected_onto_a_route_wherever_the_search_begins():
