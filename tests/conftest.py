@@ -18,7 +18,7 @@ from drake_shared.scenario import Goal, Route, Scenario, Workspace, load_scenari
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
 
 # Their files take longest. They come first, so that no process is left with one of them at the end.
-_LONG = ("experiments", "cockpit", "docs", "analysis", "cli", "learners")
+_LONG = ("experiments", "cockpit", "study", "docs", "analysis", "cli", "learners")
 
 
 def pytest_configure() -> None:

@@ -28,7 +28,7 @@ from drake_shared.study.store import StudyData
 PATIENCE = 240.0  # Simulations start in processes of their own, which a loaded machine does slowly.
 SHORT = """
 name: short
-duration: 10.0
+duration: 60.0
 travel_time: 2.0
 control_period: 0.05
 goal: {x: 0.5, y: 0.0, radius: 0.2}
@@ -258,11 +258,11 @@ def until(condition, page) -> None:
         page.wait_for_timeout(50)
 
 
-def begin_to_drive(page) -> None:
+def begin_to_drive(page, key: str = "ArrowUp") -> None:
     page.wait_for_url(lambda url: "/p/" not in url)
     page.wait_for_selector("#drive:enabled")
     page.click("#drive")
-    page.keyboard.down("ArrowUp")
+    page.keyboard.down(key)
 
 
 @pytest.mark.browser
@@ -301,12 +301,14 @@ def test_two_participants_take_part_through_a_proxy_to_two_servers_with_reloads(
         pages[0].reload()
         for page in pages:
             page.get_by_role("button", name="Continue").click()
-        # The first one reloads the page while driving: the trial is driven again.
-        begin_to_drive(pages[0])
+        # The first one reloads the page while driving, on the spot, so that no goal is reached before on a
+        # loaded machine: the trial is driven again.
+        begin_to_drive(pages[0], "ArrowLeft")
         pages[0].wait_for_selector("#deck[data-phase=driving]")
         assert f":{outside + 1}/" in pages[0].url
         assert not pages[0].is_visible("#assist-row, #task, #intro, #arbitration")
         pages[0].reload()
+        pages[0].keyboard.up("ArrowLeft")
         until(lambda: data.notes("P01"), pages[0])
         for page in pages:
             begin_to_drive(page)
