@@ -91,8 +91,8 @@ class PathRepair:
         at = np.concatenate([since + _LEAD_SHARES * (times[rows, :1] - since), times[rows]], axis=1)
         shifts = [displacements(item, at) for item in self._obstacles]
         aside = self._moved_aside(whole, shifts)
-        ends = self._ends(aside, whole, shifts)
         arcs, ahead = arc_lengths(aside), times[rows] - since
+        ends = self._ends(aside, arcs, whole, shifts)
         possible = self._robot.max_speed * np.maximum(ahead, 0.0)
         wanted = np.minimum(arcs[:, _LEAD:], arcs[np.arange(len(rows)), ends][:, None])
         wanted = possible + np.minimum(np.minimum.accumulate(wanted - possible, axis=1), 0.0)
@@ -172,17 +172,10 @@ class PathRepair:
         offset = reach[:, None] + 1e-3
         outside = stretch & self._is_outside(path[:, part] + (offset * aside)[:, None])
         passes = (length >= 1e-9) & ~outside.any(axis=1)
-        arc, ramp = arc_lengths(path), np.maximum(_RAMP * offset, 1e-6)
+        arc = arc_lengths(path)
         begin, end = arc[each, first][:, None], arc[each, after][:, None]
-        # numpy.clip takes several times as long.
-        up = np.minimum(np.maximum((arc - (begin - ramp)) / ramp, 0.0), 1.0)
-        down = np.maximum((end + ramp - arc) / ramp, 0.0)
-        # A ramp that would begin behind the robot begins at it.
-        behind = 0.5 - 0.5 * np.cos(math.pi * up[:, :1])
-        share = 0.5 - 0.5 * np.cos(math.pi * np.minimum(up, down))
-        share = np.where(up < 1.0, (share - behind) / np.maximum(1.0 - behind, 1e-9), share)
-        share[:, 0] = 0.0
-        sideways = (offset * np.maximum(share, 0.0))[..., None] * aside[:, None]
+        share = _ramped(arc, begin, end, np.maximum(_RAMP * offset, 1e-6))
+        sideways = (offset * share)[..., None] * aside[:, None]
         whole[rows[passes]] += sideways[passes]
         return True
 
@@ -222,12 +215,15 @@ class PathRepair:
         followed: Floats = np.minimum(wanted, held[:, None] + later)
         return followed
 
-    def _ends(self, aside: Floats, whole: Floats, shifts: list[Floats]) -> NDArray[np.int64]:
+    def _ends(self, aside: Floats, arcs: Floats, whole: Floats, shifts: list[Floats]) -> NDArray[np.int64]:
         """Index (n,) of the last point of each path before it meets an obstacle or leaves the workspace."""
         ends = np.full(len(aside), aside.shape[1] - 1)
-        risky, longest = self._is_outside(aside).any(axis=1), _longest_step(aside)
+        risky, longest = self._is_outside(aside).any(axis=1), np.diff(arcs).max(axis=1)
         for item, shift in zip(self._obstacles, shifts, strict=True):
-            relative, step = (aside - shift, _longest_step(aside - shift)) if item.path else (aside, longest)
+            relative, step = aside, longest
+            if item.path:
+                relative = aside - shift
+                step = np.diff(arc_lengths(relative)).max(axis=1)
             distance = obstacle_distance(item, relative)
             # A place between two points is nearer than both by at most half the length between them.
             risky |= distance.min(axis=1) - 0.5 * step < self._least_distance(distance[:, 0])
@@ -262,10 +258,19 @@ class PathRepair:
         return np.minimum(self._radius + 0.5 * self._least, at_robot - 1e-9)
 
 
-def _longest_step(paths: Floats) -> Floats:
-    """Length (n,) of the longest step of paths (n, m, 2), in [m]."""
-    longest: Floats = np.diff(arc_lengths(paths)).max(axis=1)
-    return longest
+def _ramped(arc: Floats, begin: Floats, end: Floats, ramp: Floats) -> Floats:
+    """Share (n, m) of a move aside at arc lengths (n, m), in [m]: 1 from begin to end, 0 beyond a ramp.
+
+    The others have shape (n, 1). A ramp that would begin behind the robot begins at it.
+    """
+    # numpy.clip takes several times as long.
+    up = np.minimum(np.maximum((arc - (begin - ramp)) / ramp, 0.0), 1.0)
+    down = np.maximum((end + ramp - arc) / ramp, 0.0)
+    behind = 0.5 - 0.5 * np.cos(math.pi * up[:, :1])
+    share = 0.5 - 0.5 * np.cos(math.pi * np.minimum(up, down))
+    share = np.where(up < 1.0, (share - behind) / np.maximum(1.0 - behind, 1e-9), share)
+    share[:, 0] = 0.0
+    return np.maximum(share, 0.0)
 
 
 def make_path_repair(scenario: Scenario, robot: Robot, *, look_ahead: float) -> PathRepair | None:

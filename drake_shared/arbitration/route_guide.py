@@ -51,12 +51,10 @@ class RouteGuide:
         self._speed = float(routes.lengths.mean()) / scenario.travel_time
         space, radius = scenario.workspace, robot.footprint_radius
         area = (space.x_max - space.x_min) * (space.y_max - space.y_min)
-        self._cell, self._corner = _CELL * radius, space.x_min + 1j * space.y_min
-        near = _NEAR * radius
-        if area > _MOST_CELLS * self._cell**2:
-            self._cell = math.sqrt(area / _MOST_CELLS)
-            # No place in a cell may be nearer to an obstacle than its corners show.
-            near = max(near, self._cell)
+        self._cell = max(_CELL * radius, math.sqrt(area / _MOST_CELLS))
+        self._corner = space.x_min + 1j * space.y_min
+        # No place in a cell may be nearer to an obstacle than its corners show.
+        near = max(_NEAR * radius, self._cell)
         axes = [
             np.arange(low, high + self._cell, self._cell)
             for low, high in ((space.x_min, space.x_max), (space.y_min, space.y_max))
