@@ -31,7 +31,7 @@ from drake_shared.simulation.settings import TrialSettings, settings_of_log
 from drake_shared.simulation.shared_control import SharedControl
 from drake_shared.simulation.wiring import Systems
 from drake_shared.systems.arbiter import Arbiter
-from drake_shared.systems.failure import failure_of
+from drake_shared.systems.failure import reraise
 from drake_shared.systems.recorded_input import RecordedInput
 from drake_shared.systems.surrogate_operator import Behaviour, SurrogateOperator
 from drake_shared.systems.tip_operator import TipOperator
@@ -238,9 +238,7 @@ class RunningTrial:
         try:
             self.simulator.AdvanceTo(min(time, self.simulation.scenario.duration))
         except Exception as error:  # Systems from outside this package may raise anything.
-            if failure := failure_of(error, self.time):
-                raise failure from error
-            raise
+            reraise(error, self.time)
 
     def finish(self, status: str | None = None, **metadata: Any) -> Trial:
         """The log so far, as a trial that ended with ``status``.

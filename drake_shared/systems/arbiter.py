@@ -15,7 +15,7 @@ from drake_shared.common.errors import InputError, RunError
 from drake_shared.learners import Learner
 from drake_shared.robots import DiffDrive, Robot, check_robot
 from drake_shared.systems.discrete_update import check_positive
-from drake_shared.systems.failure import failure_of
+from drake_shared.systems.failure import reraise
 from drake_shared.systems.intention import empty_intention
 
 
@@ -177,9 +177,7 @@ class Arbiter(LeafSystem):
                 raise self._out_of_range(context, "the output human_weight must be from 0 to 1", weight)
             output[0] = finite_weight(weight, self._autonomous_port.Eval(context).tolist())
         except Exception as error:  # Arbiters and controllers from outside may raise anything.
-            if failure := failure_of(error, context.get_time()):
-                raise failure from error
-            raise
+            reraise(error, context.get_time())
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         weight: float = self._weight_port.Eval(context).item()
@@ -194,9 +192,7 @@ class Arbiter(LeafSystem):
                 raise self._out_of_range(context, "the output shared_command must be finite", command)
             output.set_value(command)
         except Exception as error:
-            if failure := failure_of(error, context.get_time()):
-                raise failure from error
-            raise
+            reraise(error, context.get_time())
 
     def _out_of_range(self, context: Context, expected: str, got: object) -> RunError:
         name, time = f"{self.get_name()} ({type(self).__name__})", context.get_time()

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from typing import NoReturn
+
 from pydrake.systems.framework import LeafSystem
 
 from drake_shared.common.errors import DrakeSharedError, RunError
 
 
-def failure_of(error: Exception, time: float) -> RunError | None:
-    """An exception of a system from outside this package, as an error that names the system and the time.
+def reraise(error: Exception, time: float) -> NoReturn:
+    """Raises an exception again; one of a system from outside this package with its name and the time.
 
     Args:
         error: As caught: the system is that of the innermost frame of its traceback that has one.
         time: In [s].
 
-    Returns:
-        None for errors that say what is wrong, and for those of this package's own systems.
+    Raises:
+        RunError: The exception of a system from outside. Errors that say what is wrong, and those of this
+            package's own systems, are raised as they are.
     """
     if isinstance(error, DrakeSharedError):
-        return None
+        raise error
     system, traceback = None, error.__traceback__
     while traceback is not None:
         for value in traceback.tb_frame.f_locals.values():
@@ -26,5 +29,6 @@ def failure_of(error: Exception, time: float) -> RunError | None:
         traceback = traceback.tb_next
     kind = type(system)
     if system is None or kind.__module__.startswith("drake_shared."):
-        return None
-    return RunError(f"{system.get_name()} ({kind.__name__}) raised {error!r}, at t = {time:.3f} s")
+        raise error
+    name = f"{system.get_name()} ({kind.__name__})"
+    raise RunError(f"{name} raised {error!r}, at t = {time:.3f} s") from error
