@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.stats import rankdata
 
-from drake_shared.demonstrations import ProgressClock
+from drake_shared.demonstrations.progress_clock import TOLERANCE, ProgressClock
 from drake_shared.robots import Arm, DiffDrive, Robot, scaled_length
 from drake_shared.scenario import Route, Scenario
 from drake_shared.simulation.trial import Trial
@@ -26,7 +26,6 @@ TOGETHER = 0.15
 """Paths run together within this distance, in [m] for the Pioneer P3-DX."""
 SEPARATE = 0.3
 """Paths are separate beyond this distance, in the same unit."""
-_CLOCK_TOLERANCE = 0.03
 _POINTS = 501
 
 
@@ -65,7 +64,7 @@ def ambiguity(
     """
     scale = scaled_length(robot or DiffDrive(), 1.0)
     positions = trial.positions[:-1]
-    steps = [_progress(times, item, positions, tolerance=scale * _CLOCK_TOLERANCE) for item in demonstrations]
+    steps = [_progress(times, item, positions, tolerance=scale * TOLERANCE) for item in demonstrations]
     distances = [
         np.linalg.norm(positions - item[step], axis=1).mean()
         for item, step in zip(demonstrations, steps, strict=True)

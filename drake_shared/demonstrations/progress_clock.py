@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from drake_shared.common.arrays import as_point, as_points, lengths
 
+TOLERANCE = 0.03
+"""Demonstrated points whose distances differ by less are equally near, in [m] for the Pioneer P3-DX."""
+
 
 class ProgressClock:
     """Measures progress along demonstrations as the time of their nearest point. It never runs back.
@@ -28,7 +31,7 @@ class ProgressClock:
         demonstrations: NDArray[np.float64],
         *,
         horizon: float = 1.0,
-        tolerance: float = 0.03,
+        tolerance: float = TOLERANCE,
     ) -> None:
         # One time is looked up faster in a list than in an array.
         self._times: list[float] = np.asarray(times, dtype=float).tolist()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drake_shared.common.errors import InputError
-from drake_shared.demonstrations import ProgressClock
+from drake_shared.demonstrations.progress_clock import TOLERANCE, ProgressClock
 from drake_shared.learners import (
     Learner,
     Modes,
@@ -28,9 +28,6 @@ Array = NDArray[np.float64]
 
 MOMENTS = 8
 """Number of moments, evenly spread over the task, at which the expected position is compared."""
-
-# Demonstrated points whose distances differ by less are equally near, in [m] for the Pioneer P3-DX.
-_CLOCK_TOLERANCE = 0.03
 
 
 class PreparedLearner:
@@ -62,7 +59,7 @@ class PreparedLearner:
             raise InputError(f"learner {learner.name!r}", "", expected, taught.shape[-1])
         self.clock = None
         if learner.metadata.get("clock") == "progress" and taught is not None:
-            self.clock = ProgressClock(self.grid, taught, tolerance=scaled_length(robot, _CLOCK_TOLERANCE))
+            self.clock = ProgressClock(self.grid, taught, tolerance=scaled_length(robot, TOLERANCE))
         self._multimodal = learner if isinstance(learner, MultimodalLearner) else None
         self._prefix = learner if isinstance(learner, PrefixLearner) else None
         self.uses_command = use_human_command and learner.metadata.get("evidence") == "pose+command"
