@@ -135,10 +135,9 @@ def mutant_at(place: Place) -> Mutant | None:
     code = mutate_code(source, _operators()[name], occurrence)
     if code is None or _structure(code) in (None, _structure(source)):
         return None
+    # Of one element [0] and [-1] are the same, and of two [1] and [-1]: [0] becomes [1] alone.
     if code.count("[ -1]") > source.count("[ -1]"):
-        return (
-            None  # Of one element [0] and [-1] are the same, and of two [1] and [-1]: [0] becomes [1] alone.
-        )
+        return None
     lines = difflib.unified_diff(source.splitlines(), code.splitlines(), module, module, n=0, lineterm="")
     return Mutant(module, name.rpartition("/")[2], "\n".join(list(lines)[2:]), code)
 

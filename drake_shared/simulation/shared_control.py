@@ -52,7 +52,7 @@ class SharedControl:
     safety_filter: SafetyFilter | None = None
 
     def check_inputs(self, builder: DiagramBuilder) -> None:
-        """Checks, before ``builder`` builds, that that the inputs of the parts are connected.
+        """Checks, before ``builder`` builds, that the inputs of the parts are connected.
 
         Raises:
             InputError: One is open that nothing connects.

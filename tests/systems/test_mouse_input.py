@@ -130,7 +130,7 @@ def test_by_default_a_third_of_the_full_stick_is_100_counts_less_the_dead_zone()
     bench = Bench(FakeDriver(engaged=True, engagement=1)).step(x=-100, y=-100)
     assert bench.mouse["forward"] == bench.mouse["left"] == pytest.approx(0.3)
     assert bench.twist == pytest.approx((0.8 * 0.25 / 0.95, 1.5 * 0.25 / 0.95))
-    # The stick stays, and jumps that nobody made count as 300.
+    # The stick keeps its place; a jump of the mouse counts as at most 300.
     assert bench.step(40, x=5000).mouse["left"] == pytest.approx(-0.6)
     assert bench.mouse["forward"] == pytest.approx(0.3)
 

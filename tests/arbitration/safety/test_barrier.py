@@ -66,7 +66,7 @@ def test_quadratic_programs_agree_with_clarabel():
         ((0.0, 0.0), [(1.0, 0.0), (-1.0, 0.0)], [0.5, -0.4], None),
         ((0.0, 0.0), [(1.0, 0.0), (-1.0, 0.0)], [0.5, -0.5], (0.5, 0.0)),
         ((0.0, 0.0), [(1.0, 0.0)], [3.5], None),
-        # Without a normal a constraint holds everywhere or nowhere.
+        # A constraint whose normal is zero holds at every command or at none.
         ((0.5, 0.5), [(0.0, 0.0)], [-1.0], (0.5, 0.5)),
         ((0.5, 0.5), [(0.0, 0.0)], [1.0], None),
     ],

@@ -48,6 +48,16 @@ def gaps_of(points, circles) -> np.ndarray:
     return np.array([abs(points - center) - radius - RADIUS for center, radius in circles])
 
 
+def random_bounds(make_query, *, seed: int, count: int):
+    """Bounds among circles, the braking path of one command, and the exact gaps along it: shape (4, t)."""
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        circles, pose, wheels, command = random_case(rng)
+        bounds = GapBounds(make_query(circles), RADIUS, pose, 10.0, {})
+        paths = BrakingPaths(ROBOT, pose, wheels, [command], PERIOD)
+        yield bounds, paths, gaps_of(exact_path(pose, wheels, command)[1], circles)
+
+
 def test_a_wall_ahead_is_as_near_as_at_the_end_of_the_path(make_query):
     bounds = GapBounds(make_query(wall=1.0), RADIUS, ORIGIN, REACH, {})
     paths = BrakingPaths(ROBOT, ORIGIN, AHEAD, [AHEAD, (7.6, 7.6)], PERIOD)
@@ -66,12 +76,7 @@ def test_obstacles_beyond_the_reach_are_left_out(make_query):
 
 
 def test_bounds_lie_below_the_gaps_and_touch_them_where_they_were_measured(make_query):
-    rng = np.random.default_rng(1)
-    for _ in range(60):
-        circles, pose, wheels, command = random_case(rng)
-        bounds = GapBounds(make_query(circles), RADIUS, pose, 10.0, {})
-        paths = BrakingPaths(ROBOT, pose, wheels, [command], PERIOD)
-        gaps = gaps_of(exact_path(pose, wheels, command)[1], circles)
+    for bounds, paths, gaps in random_bounds(make_query, seed=1, count=60):
         assert bounds.at_start() == pytest.approx(gaps[:, 0].min())
         loose = bounds.least(paths)[0]
         assert (loose <= gaps.min(axis=1) + 2e-6).all()
@@ -85,12 +90,8 @@ def test_bounds_lie_below_the_gaps_and_touch_them_where_they_were_measured(make_
 
 
 def test_a_path_violates_what_its_gaps_do_not_reach(make_query):
-    rng = np.random.default_rng(2)
-    for _ in range(40):
-        circles, pose, wheels, command = random_case(rng)
-        bounds = GapBounds(make_query(circles), RADIUS, pose, 10.0, {})
-        paths = BrakingPaths(ROBOT, pose, wheels, [command], PERIOD)
-        least = gaps_of(exact_path(pose, wheels, command)[1], circles).min(axis=1)
+    for bounds, paths, gaps in random_bounds(make_query, seed=2, count=40):
+        least = gaps.min(axis=1)
         assert bounds.find_violation(paths, least - 5e-3) is None
         for index in range(4):
             required = least - 0.1
