@@ -285,30 +285,35 @@ def test_two_drives_are_replayed_beside_each_other(lasting_page):
 def test_a_touch_stick_drives_and_springs_back(browser, stage):
     lock = stage.driver_lock
     stage.set_phase("ready")
-    context = browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True)
-    page = context.new_page()
-    page.goto(stage.address)
-    page.wait_for_selector("#deck[data-phase=ready]")
-    page.tap("#drive")
-    page.wait_for_selector("body[data-driver-lock=yours]")
-    stage.set_phase("driving")
-    box = page.locator("#touch-stick").bounding_box()
-    middle = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
-    touch = context.new_cdp_session(page)
+    with browser.new_context(viewport={"width": 390, "height": 844}, has_touch=True) as context:
+        page = context.new_page()
+        page.goto(stage.address)
+        page.wait_for_selector("#deck[data-phase=ready]")
+        page.tap("#drive")
+        page.wait_for_selector("body[data-driver-lock=yours]")
+        stage.set_phase("driving")
+        page.wait_for_selector("#deck[data-phase=driving]")
+        box = page.locator("#touch-stick").bounding_box()
+        middle = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+        touch = context.new_cdp_session(page)
 
-    def send(kind: str, *points: dict):
-        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": list(points)})
+        def send(kind: str, *points: dict):
+            touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": list(points)})
 
-    send("touchStart", middle)
-    send("touchMove", middle | {"y": middle["y"] - box["height"]})
-    stage.until(lambda: lock.latest().forward == 1.0, "the touch stick")
-    assert not lock.latest().braking
-    send("touchEnd")
-    stage.until(lambda: lock.latest().forward == 0.0 and lock.latest().braking, "the stick to spring back")
-    send("touchStart", middle)
-    stage.until(lambda: not lock.latest().braking, "the end of the stop")
-    send("touchEnd")
-    context.close()
+        send("touchStart", middle)
+        send("touchMove", middle | {"y": middle["y"] - box["height"]})
+        stage.until(lambda: lock.latest().forward == 1.0, "the touch stick")
+        assert not lock.latest().braking
+        send("touchEnd")
+        stage.until(lambda: lock.latest().forward == 0.0 and lock.latest().braking, "the stick in its middle")
+        send("touchStart", middle)
+        stage.until(lambda: not lock.latest().braking, "the end of the stop")
+        # Text that needs another line moves the stick away under the finger.
+        page.evaluate("document.querySelector('#touch-stick').style.top = '-40px'")
+        send("touchMove", middle | {"x": middle["x"] - box["width"]})
+        stage.until(lambda: lock.latest().turn == 1.0, "the touch stick")
+        assert lock.latest().forward == 0.0
+        send("touchEnd")
 
 
 def test_the_keyboard_alone_suffices(browser_context, cockpit):

@@ -10,6 +10,7 @@ export class TouchStick {
   onLift = () => {};
   #pad;
   #pointer = null;
+  #box = null; // Of the pad when the finger touched it: a longer line of text above it may move the pad later.
 
   constructor(pad) {
     this.#pad = pad;
@@ -37,13 +38,14 @@ export class TouchStick {
     event.preventDefault();
     this.#pad.setPointerCapture(event.pointerId);
     this.#pointer = event.pointerId;
+    this.#box = this.#pad.getBoundingClientRect();
     this.onLift(false);
     this.#onMove(event);
   }
 
   #onMove(event) {
     if (event.pointerId !== this.#pointer) return;
-    const box = this.#pad.getBoundingClientRect();
+    const box = this.#box;
     const right = (event.clientX - box.left - box.width / 2) / (REACH * box.width);
     const down = (event.clientY - box.top - box.height / 2) / (REACH * box.height);
     const length = Math.max(Math.hypot(right, down), 1);
