@@ -177,7 +177,7 @@ class Arbiter(LeafSystem):
                 raise self._out_of_range(context, "the output human_weight must be from 0 to 1", weight)
             output[0] = finite_weight(weight, self._autonomous_port.Eval(context).tolist())
         except Exception as error:  # Arbiters and controllers from outside may raise anything.
-            reraise(error, context.get_time())
+            reraise(error, context.get_time(), self)
 
     def _calc_command(self, context: Context, output: BasicVector) -> None:
         weight: float = self._weight_port.Eval(context).item()
@@ -192,7 +192,7 @@ class Arbiter(LeafSystem):
                 raise self._out_of_range(context, "the output shared_command must be finite", command)
             output.set_value(command)
         except Exception as error:
-            reraise(error, context.get_time())
+            reraise(error, context.get_time(), self)
 
     def _out_of_range(self, context: Context, expected: str, got: object) -> RunError:
         name, time = f"{self.get_name()} ({type(self).__name__})", context.get_time()
