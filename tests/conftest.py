@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import slipcover
 import torch
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
@@ -16,6 +17,13 @@ from threadpoolctl import threadpool_limits
 from drake_shared.robots import Arm
 from drake_shared.scenario import Goal, Route, Scenario, Workspace, load_scenario
 from drake_shared.simulation.trial import Simulation, Trial, TrialSettings
+
+# SlipCover replaces functions that it has counted often, while they run. On Python 3.11 that keeps their
+# frames, and with them Contexts that Drake has destroyed, until Python looks for cycles. If a test creates a
+# Context at such an address, Drake's bindings take it for the old one and destroy it: one run of the suite in
+# three crashed. The option against it does not reach the processes of pytest-xdist.
+if hasattr(slipcover.Slipcover, "deinstrument_seen"):
+    slipcover.Slipcover.deinstrument_seen = lambda self: None
 
 # Their files take longest. They come first, so that no process is left with one of them at the end.
 _LONG = ("experiments", "cockpit", "study", "docs", "analysis", "cli", "learners")
