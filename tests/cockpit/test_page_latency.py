@@ -14,6 +14,7 @@ pytestmark = pytest.mark.browser
 EVENTS = 120
 RATE = 60.0  # events/s
 GAIN = 0.001  # So small that the stick does not reach its limit.
+UPDATES = 20  # Of the mouse's system, while the log gains two rows.
 RECORD_EVENTS = """() => {
   const events = (window.mouseEvents = []);
   let moved = 0;
@@ -43,6 +44,8 @@ def test_no_displacement_is_lost_between_the_mouse_and_the_stick(
         page.mouse.move(index, 240)
     end_count = wait_for_all(cockpit, page, until)
     events = np.array(page.evaluate("mouseEvents"))[recorded:]
+    updates = len(cockpit.mouse.readings)
+    until(lambda: len(cockpit.mouse.readings) >= updates + UPDATES, "rows after the last move")
     page.keyboard.press("Escape")
     trial = cockpit.next_trial()
 
