@@ -141,9 +141,14 @@ class RunningCockpit:
         for path in self.record.iterdir():
             path.unlink()
 
+    @property
+    def time(self) -> float:
+        """Simulated time of the trial, in [s]: the mouse's system updates every 5 ms."""
+        return 0.005 * len(self.mouse.readings)
+
     def wait_for_time(self, seconds: float):
         """Waits until the trial has run for ``seconds`` of simulated time."""
-        wait_for(lambda: len(self.mouse.readings) * 0.005 >= seconds, f"{seconds} s of driving")
+        wait_for(lambda: self.time >= seconds, f"{seconds} s of driving")
 
     def interrupt(self):
         self._interrupted.set()
