@@ -15,7 +15,7 @@ def reraise(error: Exception, time: float, system: LeafSystem | None = None) -> 
     Args:
         error: As caught: the system is that of the innermost frame of its traceback that has one.
         time: In [s].
-        system: The one that caught it, if a system did.
+        system: The one that caught it, if a system did; named if no frame below it has one.
 
     Raises:
         RunError: The exception of a system from outside. Errors that say what is wrong, and those of this
